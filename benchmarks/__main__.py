@@ -38,7 +38,7 @@ def main(preset, case, only, alone, output):
         f"a transform {1e3 * machine.transform:.3g} ms (float32 {1e3 * machine.transform_single:.3g})."
     )
     header = ("step", "time", "goal", "memory", "goal", "floor", "over it", "channels/s", "alternative")
-    click.echo(_line(header))
+    click.echo(line_of(header))
     prepare(case)
     rows = []
     for step in STEPS:
@@ -46,7 +46,7 @@ def main(preset, case, only, alone, output):
             continue
         measurement = measured(step, case, beside=not alone)
         rows.append(_row(step, measurement, machine, survey))
-        click.echo(_line(_texts(rows[-1], preset)))
+        click.echo(line_of(_texts(rows[-1], preset)))
         if output:  # after each, for the next may run out of memory
             about = _about(preset, case, started)
             text = json.dumps({"about": about, "machine": asdict(machine), "steps": rows}, indent=1)
@@ -76,8 +76,8 @@ def _row(step, measurement, machine, survey):
         "floor_seconds": measurement.needs.floor(machine),
         "channels_per_second": survey.n_channels / measurement.seconds,
     }
-    if measurement.alternative:
-        name, seconds, share = measurement.alternative
+    if measurement.alternatives:
+        name, seconds, share = measurement.alternatives[0]
         row["alternative"] = {"name": name, "seconds": seconds, "measured_share": share}
     return row
 
@@ -98,8 +98,8 @@ def _texts(row, preset):
     )
 
 
-def _line(cells):
-    widths = (26, 9, 6, 9, 6, 8, 8, 11)
+def line_of(cells, widths=(26, 9, 6, 9, 6, 8, 8, 11)):
+    """A line of a table, with its last cell as long as it is."""
     padded = [cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=False)]
     return "  ".join([cells[0].ljust(widths[0]), *padded, cells[-1]]).rstrip()
 

@@ -1,11 +1,9 @@
-"""What a user would do without himap, for each method: plain code on well-known packages, and its time.
+"""What a user would do without himap, for each method: plain code on well-known packages.
 
-What takes too long is timed on a sample and scaled up; the printed line says so.
+What takes too long is done on a sample; `beside` says how many times that is all of the work.
 """
 
-import time
 import warnings
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -15,73 +13,41 @@ from sklearn.decomposition import PCA, FastICA
 from sklearn.exceptions import ConvergenceWarning
 
 from himap.maps import sphere
+from himap.paper import pipeline
 from himap.removal import harmonic
-from himap.removal.base import ForegroundRemover
 from himap.removal.gmca import details_of
 from himap.removal.parametric import FIXED_INDEX
 
 N_LINES, N_CHANNELS, N_MODES = 64, 8, 1000  # the sample that a slow alternative is timed on
 
 
-@dataclass(frozen=True, kw_only=True)
-class Run:
-    """A method that has run, on cubes `maps` and `masked`; peak masking has no `remover` and no `mixing`."""
+def beside(case, method, found):
+    """The alternatives to a method on a case, the usual one first; none for one that this file does not know.
 
-    label: str
-    remover: ForegroundRemover | None
-    maps: np.ndarray
-    masked: np.ndarray
-    freqs: np.ndarray
-    beams: np.ndarray
-    mixing: np.ndarray | None
-    n_iterations: int
-    seconds: float
+    Parameters
+    ----------
+    case
+        The `Case`.
+    method
+        The method; None for the masking of peaks.
+    found
+        What it gave, a `Separation`.
 
-
-@dataclass(frozen=True, kw_only=True)
-class Alternative:
-    """What a user would do without himap, its seconds, and ours for the same thing: the method or a part."""
-
-    name: str
-    seconds: float
-    ours: float
-    part: str = ""
-    sample: str = ""
-
-    def __str__(self):
-        part = f"{self.part} ({self.ours:.2g} s): " if self.part else ""
-        sample = f" [sampled: {self.sample}, scaled up]" if self.sample else ""
-        return f"{self.seconds / self.ours:12.2f} x  {part}{self.name}{sample}"
-
-
-def timed(function, *args, **kwargs):
-    """Result and seconds of a call."""
-    start = time.perf_counter()
-    result = function(*args, **kwargs)
-    return result, time.perf_counter() - start
-
-
-def alternatives(run):
-    """Lines on the alternatives to a method that has run; none for a method that this file does not know."""
-    beside = _ALTERNATIVES.get(run.remover.name if run.remover else run.label)
-    return [str(alternative) for alternative in beside(run)] if beside else []
+    Returns
+    -------
+    list of tuple
+        A name, a function, and how many times the work of that function is the work of the method.
+    """
+    alternatives = _ALTERNATIVES.get(method.name) if method else _beside_polynomials
+    if alternatives is None:
+        return []
+    masked = pipeline.peak_masked(case).maps if method else pipeline.observation(case).maps
+    return list(alternatives(case, masked, method, found))
 
 
 def evenly(n_all, n_sample):
     """Indices of at most `n_sample` of `n_all` things."""
     return np.linspace(0, n_all - 1, min(n_all, n_sample)).astype(int)
-
-
-def quickest(function):
-    """Seconds of the quickest of three calls, for what is short."""
-    return min(timed(function)[1] for _ in range(3))
-
-
-def one_by_one(name, function, items, n_all, kind, **fields):
-    """The alternative that calls `function` on each of `n_all` things, from a sample of them."""
-    _, seconds = timed(lambda: [function(item) for item in items])
-    sample = f"{len(items)} of {n_all} {kind}"
-    return Alternative(name=name, seconds=seconds * n_all / len(items), sample=sample, **fields)
 
 
 def plain_residual(model, maps, masked):
@@ -121,97 +87,80 @@ def plain_sources(matrices, modes):
     return np.hstack([np.linalg.lstsq(matrix, block)[0] for matrix, block in pairs])
 
 
-def beside_pca(run):
-    """scikit-learn, as in its manual."""
-    _, seconds = timed(plain_residual, PCA(run.remover.n_sources), run.maps, run.masked)
-    yield Alternative(name="scikit-learn PCA in float64", seconds=seconds, ours=run.seconds)
+def _on_sample(name, function, items, n_all):
+    """The alternative that calls `function` on each of `n_all` things, from a sample of them."""
+    return name, lambda: [function(item) for item in items], n_all / len(items)
 
 
-def beside_fastica(run):
-    """scikit-learn, by both of its ways to whiten; svd is the default."""
-    remover = run.remover
-    options = {"fun": remover.contrast, "max_iter": remover.max_iterations, "tol": remover.tolerance}
-    for solver in ("svd", "eigh"):
-        model = FastICA(remover.n_sources, whiten_solver=solver, random_state=0, **options)
-        _, seconds = timed(plain_residual, model, run.maps, run.masked)
-        name = f"scikit-learn FastICA in float64, whitened by {solver}, {model.n_iter_} iterations"
-        yield Alternative(name=name, seconds=seconds, ours=run.seconds)
+def _beside_pca(case, masked, method, found):
+    maps, model = pipeline.observation(case).maps, PCA(method.n_sources)
+    yield "scikit-learn PCA", partial(plain_residual, model, maps, masked), 1
 
 
-def beside_polynomial(run):
-    """numpy, on the cube at once as far as it can be, and line by line."""
-    maps = run.masked if run.remover else run.maps
-    _, seconds = timed(plain_polynomials, maps)
-    name = "numpy legfit in float64, all lines at once, then one by one where clipped"
-    yield Alternative(name=name, seconds=seconds, ours=run.seconds)
-    lines = maps[:, evenly(maps.shape[1], N_LINES)].T
-    yield one_by_one(
-        "numpy legfit, line by line", plain_polynomials, lines, maps.shape[1], "lines", ours=run.seconds
-    )
+def _beside_fastica(case, masked, method, found):
+    """By both of its ways to whiten; svd is the default."""
+    maps = pipeline.observation(case).maps
+    options = {"fun": method.contrast, "max_iter": method.max_iterations, "tol": method.tolerance}
+    for solver in ("eigh", "svd"):
+        model = FastICA(method.n_sources, whiten_solver=solver, random_state=0, **options)
+        yield f"scikit-learn FastICA, whitened by {solver}", partial(plain_residual, model, maps, masked), 1
 
 
-def beside_parametric(run):
-    """scipy, line by line."""
-    remover, n_pix = run.remover, run.masked.shape[1]
-    lines = run.masked[:, evenly(n_pix, N_LINES)].T.astype(float)
-    fit = partial(
-        plain_power_laws, x=run.freqs / remover.nu0, beta_min=remover.beta_min, beta_max=remover.beta_max
-    )
-    yield one_by_one("scipy least_squares, line by line", fit, lines, n_pix, "lines", ours=run.seconds)
+def _beside_polynomials(case, masked, method, found):
+    n_pix = masked.shape[1]
+    block = evenly(n_pix, N_LINES**2)
+    yield "numpy legfit, in blocks", lambda: plain_polynomials(masked[:, block]), n_pix / len(block)
+    lines = masked[:, evenly(n_pix, N_LINES)].T
+    yield _on_sample("numpy legfit, line by line", plain_polynomials, lines, n_pix)
 
 
-def beside_gmca(run):
-    """The cube in starlets, made in each iteration; or once, with two products of it in each iteration."""
-    n_channels = len(run.masked)
-    channels = evenly(n_channels, N_CHANNELS)
-    factor = n_channels / len(channels)
-    inverse = np.linalg.pinv(run.mixing)[:, channels]
-    cube = run.masked[channels].astype(float)
-    scales, seconds_once = timed(details_of(cube, run.remover.n_scales).details, cube)
-    _, seconds_each = timed(lambda: [scale @ (inverse @ scale).T for scale in scales])
-    sample = f"{len(channels)} of {n_channels} channels"
-    yield Alternative(
-        name="starlets of the whole cube, without the iteration itself",
-        seconds=seconds_once * factor,
-        ours=run.seconds / run.n_iterations,
-        part="an iteration",
-        sample=sample,
-    )
-    yield Alternative(
-        name="starlets of the whole cube once, A^+ X and X S^T on them in each iteration, no thresholds",
-        seconds=(seconds_once + run.n_iterations * seconds_each) * factor,
-        ours=run.seconds,
-        sample=sample,
-    )
+def _beside_parametric(case, masked, method, found):
+    n_pix = masked.shape[1]
+    lines, x = masked[:, evenly(n_pix, N_LINES)].T.astype(float), case.survey.freqs / method.nu0
+    fit = partial(plain_power_laws, x=x, beta_min=method.beta_min, beta_max=method.beta_max)
+    yield _on_sample("scipy least_squares, line by line", fit, lines, n_pix)
 
 
-def beside_sdecgmca(run):
-    """The update of all sources for a given A; on random numbers, for their values cost no time."""
-    lmax = min(run.remover.lmax, 2 * sphere.nside_of(run.maps))
-    matrices = run.beams.T[: lmax + 1, :, None] * run.mixing
-    modes = np.random.default_rng(0).standard_normal((len(run.mixing), (lmax + 1) ** 2))
-    ours = quickest(lambda: harmonic.project(harmonic.safe_inverse(matrices), modes))
-    common = {"ours": ours, "part": "sources from A once"}
-    seconds = quickest(lambda: plain_sources(matrices, modes))
-    yield Alternative(name="numpy lstsq, l by l", seconds=seconds, **common)
+def _beside_gmca(case, masked, method, found):
+    channels = evenly(len(masked), N_CHANNELS)
+    inverse = np.linalg.pinv(found.mixing)[:, channels]
+
+    def work():
+        cube = masked[channels].astype(float)
+        scales = details_of(cube, method.n_scales).details(cube)
+        for _ in range(found.n_iterations):
+            for scale in scales:
+                scale @ (inverse @ scale).T
+
+    name = "starlets of the whole cube, A^+ X and X S^T on them in each iteration, no thresholds"
+    yield name, work, len(masked) / len(channels)
+
+
+def _beside_sdecgmca(case, masked, method, found):
+    """The update of all sources for a given A in each iteration; of random numbers, for their values cost no
+    time.
+    """
+    lmax = min(method.lmax, 2 * case.survey.nside)
+    matrices = pipeline.observation(case).beams.T[: lmax + 1, :, None] * found.mixing
+    modes = np.random.default_rng(0).standard_normal((len(found.mixing), (lmax + 1) ** 2))
+    n_iterations = max(1, found.n_iterations)
+    yield "sources by numpy lstsq, l by l", partial(plain_sources, matrices, modes), n_iterations
     alms, degree = np.ascontiguousarray(harmonic.from_modes(modes).T), sphere.alm_degree(lmax)
-    yield one_by_one(
-        "numpy lstsq, (l, m) by (l, m)",
+    name, work, times = _on_sample(
+        "sources by numpy lstsq, (l, m) by (l, m)",
         lambda n: np.linalg.lstsq(matrices[degree[n]], alms[n]),
         evenly(len(alms), N_MODES),
         len(alms),
-        "modes",
-        **common,
     )
+    yield name, work, n_iterations * times
 
 
 _ALTERNATIVES = {
-    "peak masking": beside_polynomial,
-    "pca": beside_pca,
-    "fastica": beside_fastica,
-    "gmca": beside_gmca,
-    "sdecgmca": beside_sdecgmca,
-    "beam_subspace": beside_sdecgmca,
-    "polynomial": beside_polynomial,
-    "parametric": beside_parametric,
+    "pca": _beside_pca,
+    "fastica": _beside_fastica,
+    "gmca": _beside_gmca,
+    "sdecgmca": _beside_sdecgmca,
+    "beam_subspace": _beside_sdecgmca,
+    "polynomial": _beside_polynomials,
+    "parametric": _beside_parametric,
 }

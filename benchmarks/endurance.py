@@ -22,6 +22,7 @@ from time import monotonic, sleep
 import click
 import h5py
 import numpy as np
+import psutil
 
 from benchmarks.places import Place
 from himap.core.files import whole_file
@@ -122,39 +123,32 @@ def fill_disk(trial, n_times, chance):
     for _ in range(n_times):
         place = trial.place()
         process = place.start(trial.words, largest=int(10 ** chance.uniform(3, 6)))
-        code = process.wait()
-        said = place.errors.read_text(errors="replace")
         trial.counts["full_disks"] += 1
-        trial.counts["told_in_a_sentence"] += code == 2 and "Error: " in said and "Traceback" not in said
-        trial.counts["done_all_the_same"] += code == 0
-        trial.finish(place)
+        _count_end(trial, place, process, "Error: ")
 
 
 def kill_workers(trial, n_times, chance):
     """One of the processes that share the work of a command dies."""
     for _ in range(n_times):
-        place = trial.place()
+        place, workers = trial.place(), []
         process = place.start(trial.words)
-        killed = False
         deadline = monotonic() + chance.uniform(0.2, 0.9) * trial.seconds
-        while process.poll() is None and not killed:
+        while process.poll() is None and not workers:
             sleep(0.05)
-            workers = [one for one in place.processes() if _is_worker(one)] if monotonic() > deadline else []
-            if workers:
-                with suppress(OSError):
-                    os.kill(chance.choice(workers).pid, signal.SIGKILL)
-                    killed = True
-        code, said = process.wait(), place.errors.read_text(errors="replace")
-        trial.counts["workers_killed"] += killed
-        trial.counts["told_in_a_sentence"] += code == 2 and "was killed" in said and "Traceback" not in said
-        trial.counts["done_all_the_same"] += code == 0
-        trial.finish(place)
+            workers = place.workers() if monotonic() > deadline else []
+        if workers:
+            with suppress(psutil.Error):
+                chance.choice(workers).kill()
+                trial.counts["workers_killed"] += 1
+        _count_end(trial, place, process, "died of")
 
 
-def _is_worker(process):
-    with suppress(Exception):
-        return "popen_loky" in " ".join(process.cmdline())
-    return False
+def _count_end(trial, place, process, words):
+    """How a command ended that cannot have what it needs: it says these words, or does not."""
+    code, said = process.wait(), place.errors.read_text(errors="replace")
+    trial.counts["told_in_a_sentence"] += code == 2 and words in said and "Traceback" not in said
+    trial.counts["done_all_the_same"] += code == 0
+    trial.finish(place)
 
 
 def _write_cube(path):

@@ -7,7 +7,6 @@ from multiprocessing import get_context
 
 import psutil
 
-from benchmarks.steps import STEPS
 from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
 from himap.removal.parametric import Parametric
@@ -19,19 +18,19 @@ _INTERVAL = 0.05  # s between looks at the memory
 class Measured:
     """Seconds of a step, memory at its peak (bytes, mapped files included), what it needs at least.
 
-    `alternative` is its name, its seconds for the same work, and of how much of it they were measured.
+    `alternatives` are names, seconds for the same work, and of how much of it they were measured.
     """
 
     seconds: float
     memory: int
     needs: object
-    alternative: tuple | None
+    alternatives: list[tuple]
 
 
 def measured(step, case, *, beside=True):
     """Run `step` on `case`, and its alternative unless told otherwise; a `Measured`."""
     parent_end, child_end = get_context("spawn").Pipe()
-    process = get_context("spawn").Process(target=_child, args=(step.name, case, beside, child_end))
+    process = get_context("spawn").Process(target=_child, args=(step, case, beside, child_end))
     process.start()
     child_end.close()
     try:
@@ -40,15 +39,14 @@ def measured(step, case, *, beside=True):
             parent_end.send("go")
             seconds, needs = parent_end.recv()
         parent_end.send("on")
-        return Measured(seconds=seconds, memory=peak.memory, needs=needs, alternative=parent_end.recv())
+        return Measured(seconds=seconds, memory=peak.memory, needs=needs, alternatives=parent_end.recv())
     except EOFError:
         raise RuntimeError(f"the process of {step.name} ended before its work was done.") from None
     finally:
         process.join()
 
 
-def _child(name, case, beside, pipe):
-    (step,) = (step for step in STEPS if step.name == name)
+def _child(step, case, beside, pipe):
     tiny = pipeline.Case(survey=Survey(nside=8, n_channels=30, box_cells=16), beam=case.beam)
     pipeline.hi_of_sky.compute(tiny.survey.sky)  # compiles
     cleaned.separation.compute(tiny, Parametric())
@@ -57,17 +55,14 @@ def _child(name, case, beside, pipe):
     started = time.perf_counter()
     result = step.work(case)
     seconds = time.perf_counter() - started
-    pipe.send((seconds, step.needs(case.survey, result)))
-    del result
+    pipe.send((seconds, step.needs and step.needs(case.survey, result)))
     pipe.recv()
-    pipe.send(_beside(step, case) if beside and step.beside else None)
-
-
-def _beside(step, case):
-    name, work, times = step.beside(case)
-    started = time.perf_counter()
-    work()
-    return name, times * (time.perf_counter() - started), 1 / times
+    found = []
+    for name, work, times in step.beside(case, result) if beside and step.beside else ():
+        started = time.perf_counter()
+        work()
+        found.append((name, times * (time.perf_counter() - started), 1 / times))
+    pipe.send(found)
 
 
 class _Peak:

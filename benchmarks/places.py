@@ -5,7 +5,6 @@ import json
 import os
 import re
 import resource
-import signal
 import subprocess
 import sys
 from collections import Counter
@@ -57,6 +56,14 @@ class Place:
                     found.append(process)
         return found
 
+    def workers(self):
+        """Those of them that share the work of one that joblib started them for."""
+        found = []
+        for process in self.processes():
+            with suppress(psutil.Error):
+                found += [process] if "popen_loky" in " ".join(process.cmdline()) else []
+        return found
+
     def gone(self):
         """How many processes are left when they had time to end; these are ended."""
         deadline = monotonic() + _PATIENCE
@@ -64,7 +71,7 @@ class Place:
             sleep(0.1)
         for process in left:
             with suppress(psutil.Error):
-                process.send_signal(signal.SIGKILL)
+                process.kill()
         return len(left)
 
     def results(self):

@@ -6,52 +6,44 @@ A step computes from what the steps before it keep in the cache; its own result 
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import healpy as hp
-from sklearn import decomposition
 
 from benchmarks import floors
-from benchmarks.alternatives import (
-    evenly,
-    plain_polynomials,
-    plain_power_laws,
-    plain_residual,
-)
+from benchmarks.alternatives import beside, evenly
+from himap import removal
 from himap.maps import sphere
 from himap.paper import cleaned, pipeline
-from himap.paper.methods import methods_for, paper_beams, table_1
+from himap.paper.methods import paper_beams, sdecgmca_for, table_1
 from himap.removal.base import SeparationWarning
-from himap.removal.beam_subspace import BeamSubspace
-from himap.removal.parametric import Parametric
-from himap.removal.pca import PCA
 
 N_SAMPLES = 6  # channels that an alternative is timed on
-N_LINES = 64  # lines of sight
 
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One row of the table.
+    """One row of the table; a process of its own gets it, so that it holds no lambdas.
 
     Attributes
     ----------
     name
         What it is called.
-    target
-        (seconds, GB) that it should stay within at preset `paper`, on 2 cores and an idle machine.
     work
         Called with the `Case`; its time is what is measured.
+    beside
+        Called with the `Case` and what `work` returned: the alternatives, as `alternatives.beside` has them.
+    target
+        (seconds, GB) that it should stay within at preset `paper`, on 2 cores and an idle machine.
     needs
         Called with the `Survey` and what `work` returned: its `Needs`.
-    beside
-        Called with the `Case`: (name of the alternative, a function, how many times its work is ours).
     """
 
     name: str
-    target: tuple
     work: Callable
-    needs: Callable
     beside: Callable | None = None
+    target: tuple = ()
+    needs: Callable | None = None
 
 
 def light_cone(case):
@@ -75,7 +67,7 @@ def observations(case):
         product(*call)
 
 
-def beside_observations(case):
+def beside_observations(case, _):
     """One channel with healpy: convolved HI, noise and foregrounds, float64, no shared analysis."""
     hi = pipeline.hi(case.survey)
     channels = evenly(case.survey.n_channels, N_SAMPLES)
@@ -94,7 +86,7 @@ def beside_observations(case):
                 if window.resmoothing is not None:
                     smooth(pixels, window.resmoothing[channel])
 
-    return "healpy, each beam and component by itself", work, case.survey.n_channels / len(channels)
+    return [("healpy, each beam and component by itself", work, case.survey.n_channels / len(channels))]
 
 
 def peaks(case):
@@ -102,49 +94,42 @@ def peaks(case):
     pipeline.peak_masked.compute(case)
 
 
-def beside_polynomials(case):
-    """numpy, a float64 block of lines at once and one by one where clipped."""
-    maps = pipeline.observation(case).maps
-    lines = evenly(maps.shape[1], 64 * N_LINES)
-    return "numpy legfit, in blocks", lambda: plain_polynomials(maps[:, lines]), maps.shape[1] / len(lines)
+def beside_peaks(case, _):
+    """The alternatives to a fit of polynomials."""
+    return beside(case, None, None)
 
 
-def _cleaner(name):
-    """The work of the method called `name`, as the paper uses it."""
-
-    def work(case):
-        (method,) = (method for method in methods_for(case.beam) if method.name == name)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SeparationWarning)
-            return cleaned.separation.compute(case, method)
-
-    return work
+def method_of(beam, name, **changed):
+    """The method called `name` with the paper's parameters for a beam, but for `changed`."""
+    if name == "sdecgmca":
+        return sdecgmca_for(beam, **changed)
+    method = removal.create(name, **changed)
+    if hasattr(method, "n_sources") and not changed:
+        method = replace(method, n_sources=table_1(beam)["n_sources"])
+    return method
 
 
-def beside_pca(case):
-    """scikit-learn's, float64."""
-    maps, masked = pipeline.observation(case).maps, pipeline.peak_masked(case).maps
-    model = decomposition.PCA(table_1(case.beam)["n_sources"])
-    return "scikit-learn PCA", lambda: plain_residual(model, maps, masked), 1
+def separate(case, name, **changed):
+    """The separation by a method, from what the cache holds of the observation."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SeparationWarning)
+        return cleaned.separation.compute(case, method_of(case.beam, name, **changed))
 
 
-def beside_fastica(case):
-    """scikit-learn's with its quicker whitening."""
-    maps, masked = pipeline.observation(case).maps, pipeline.peak_masked(case).maps
-    n_sources = table_1(case.beam)["n_sources"]
-    model = decomposition.FastICA(n_sources, whiten_solver="eigh", random_state=0)
-    return "scikit-learn FastICA", lambda: plain_residual(model, maps, masked), 1
+def beside_method(case, found, name, **changed):
+    """The alternatives to a method."""
+    return beside(case, method_of(case.beam, name, **changed), found)
 
 
-def beside_parametric(case):
-    """scipy, line by line."""
-    masked, remover = pipeline.peak_masked(case).maps, Parametric()
-    lines = masked[:, evenly(masked.shape[1], N_LINES)].T.astype(float)
-    x = case.survey.freqs / remover.nu0
-    return (
-        "scipy least_squares, line by line",
-        lambda: [plain_power_laws(line, x, remover.beta_min, remover.beta_max) for line in lines],
-        masked.shape[1] / len(lines),
+def step_of(name, label="", *, target=(), needs=None, **changed):
+    """The step of one method, with the parameters of `method_of`."""
+    options = {"name": name, **changed}
+    return Step(
+        name=label or name,
+        target=target,
+        work=partial(separate, **options),
+        needs=needs,
+        beside=partial(beside_method, **options),
     )
 
 
@@ -153,29 +138,22 @@ def analysis(case):
     pipeline.analysis.compute(case)
 
 
-def beside_analysis(case):
+def beside_analysis(case, _):
     """healpy's map2alm without refinements, float64, channel by channel."""
-    maps = pipeline.observation(case).maps
-    sample = maps[evenly(len(maps), N_SAMPLES)].astype(float)
-    return (
-        "healpy map2alm, no refinement",
-        lambda: [hp.map2alm(pixels, iter=0) for pixels in sample],
-        len(maps) / len(sample),
+    return _by_channel(
+        "healpy map2alm, no refinement", pipeline.observation(case).maps, partial(hp.map2alm, iter=0)
     )
 
 
-def beam_subspace(case):
-    """BeamSubspace with three sources, from coefficients that are there."""
-    return cleaned.separation.compute(case, BeamSubspace(n_sources=3))
+def _by_channel(name, maps, work):
+    """The alternative that does `work` on each channel of some maps, on a sample of them."""
+    sample = maps[evenly(len(maps), N_SAMPLES)].astype(float)
+    return [(name, lambda: [work(pixels) for pixels in sample], len(maps) / len(sample))]
 
 
 def measures(case):
     """C_l, P(k), correlation and errors of what PCA leaves, found already."""
-    cleaned.assessment.compute(case, _pca(case))
-
-
-def _pca(case):
-    return PCA(n_sources=table_1(case.beam)["n_sources"])
+    cleaned.assessment.compute(case, method_of(case.beam, "pca"))
 
 
 def prepare(case):
@@ -183,17 +161,14 @@ def prepare(case):
     pipeline.true_spectra(case)
     pipeline.foreground_seen(case)
     pipeline.analysis(case)
-    cleaned.separation(case, _pca(case))
+    cleaned.separation(case, method_of(case.beam, "pca"))
 
 
-def beside_spectra(case):
+def beside_spectra(case, _):
     """healpy's anafast, channel by channel."""
-    residual = cleaned.residual(case, _pca(case))
-    sample = residual[evenly(len(residual), N_SAMPLES)].astype(float)
-    return (
-        "healpy anafast, channel by channel",
-        lambda: [hp.anafast(pixels, iter=sphere.N_ITER) for pixels in sample],
-        len(residual) / len(sample),
+    residual = cleaned.residual(case, method_of(case.beam, "pca"))
+    return _by_channel(
+        "healpy anafast, channel by channel", residual, partial(hp.anafast, iter=sphere.N_ITER)
     )
 
 
@@ -206,26 +181,12 @@ STEPS = [
         needs=floors.observations,
         beside=beside_observations,
     ),
-    Step(name="peak masking", target=(10, 8), work=peaks, needs=floors.lines, beside=beside_polynomials),
-    Step(name="PCA", target=(8, 3), work=_cleaner("pca"), needs=floors.pca, beside=beside_pca),
-    Step(
-        name="polynomial",
-        target=(8, 3),
-        work=_cleaner("polynomial"),
-        needs=floors.lines,
-        beside=beside_polynomials,
-    ),
-    Step(
-        name="FastICA", target=(12, 3), work=_cleaner("fastica"), needs=floors.fastica, beside=beside_fastica
-    ),
-    Step(
-        name="parametric",
-        target=(8, 3),
-        work=_cleaner("parametric"),
-        needs=floors.parametric,
-        beside=beside_parametric,
-    ),
-    Step(name="GMCA", target=(80, 10), work=_cleaner("gmca"), needs=floors.gmca),
+    Step(name="peak masking", target=(10, 8), work=peaks, needs=floors.lines, beside=beside_peaks),
+    step_of("pca", "PCA", target=(8, 3), needs=floors.pca),
+    step_of("polynomial", target=(8, 3), needs=floors.lines),
+    step_of("fastica", "FastICA", target=(12, 3), needs=floors.fastica),
+    step_of("parametric", target=(8, 3), needs=floors.parametric),
+    step_of("gmca", "GMCA", target=(80, 10), needs=floors.gmca),
     Step(
         name="harmonic analysis",
         target=(60, 6),
@@ -233,13 +194,7 @@ STEPS = [
         needs=floors.analysis,
         beside=beside_analysis,
     ),
-    Step(name="BeamSubspace", target=(25, 3), work=beam_subspace, needs=floors.beam_subspace),
-    Step(name="SDecGMCA", target=(150, 8), work=_cleaner("sdecgmca"), needs=floors.sdecgmca),
-    Step(
-        name="all measures",
-        target=(6, 3),
-        work=measures,
-        needs=floors.spectra,
-        beside=beside_spectra,
-    ),
+    step_of("beam_subspace", "BeamSubspace", target=(25, 3), needs=floors.beam_subspace, n_sources=3),
+    step_of("sdecgmca", "SDecGMCA", target=(150, 8), needs=floors.sdecgmca),
+    Step(name="all measures", target=(6, 3), work=measures, needs=floors.spectra, beside=beside_spectra),
 ]

@@ -41,6 +41,13 @@ def note(name):
         print(name, file=file)
 
 
+def wait_for(condition):
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
 @product
 def base(survey, *, scale=1.0, options=None):
     note("base")

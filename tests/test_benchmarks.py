@@ -1,7 +1,6 @@
 """The benchmarks run, and compare with code that does the same work. No test reads a clock."""
 
 import json
-import os
 import sys
 from pathlib import Path
 
@@ -21,7 +20,7 @@ from himap.removal.peaks import smooth_baselines
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 
 from benchmarks import __main__ as chain_of_steps
-from benchmarks import alternatives, methods, scaling
+from benchmarks import alternatives, methods, scaling, steps
 from benchmarks.machine import Machine, Needs
 from benchmarks.measure import Measured, measured
 
@@ -40,31 +39,38 @@ def maps(rng):
     return maps.astype(np.float32)
 
 
-def test_the_table_has_every_method(monkeypatch):
-    monkeypatch.setattr(methods, "alone", lambda function, *args: function(*args))
-    monkeypatch.setattr(alternatives, "N_LINES", 8)
+def measured_here(step, case, *, beside=True):
+    """A `Measured` without a process of its own, which takes long to start, and without a clock."""
+    result, others = step.work(case), []
+    for name, work, times in step.beside(case, result) if beside and step.beside else ():
+        work()
+        others.append((name, 2.0, 1 / times))
+    needs = step.needs and step.needs(case.survey, result)
+    return Measured(seconds=1.0, memory=10**9, needs=needs, alternatives=others)
+
+
+def table(command, *options):
+    """The lines that a benchmark prints for a small sky."""
     survey = [word for pair in TINY.items() for word in ("--survey", *pair)]
-    options = ["--preset", "ci", "--beam", "evolving", *survey]
-    outcome = CliRunner().invoke(methods.main, options, catch_exceptions=False)
-    lines = [*outcome.output.splitlines(), "end"]
+    return CliRunner().invoke(command, [*options, *survey], catch_exceptions=False).output.splitlines()
+
+
+def test_the_table_has_every_method(monkeypatch):
+    monkeypatch.setattr(methods, "measured", measured_here)
+    monkeypatch.setattr(alternatives, "N_LINES", 8)
+    lines = [*table(methods.main, "--preset", "ci", "--beam", "evolving"), "end"]
     for name in COMPARED | set(removal.available()):
         (here,) = [n for n, line in enumerate(lines) if line.startswith(f"{name}  ")]
-        assert " GB" in lines[here]
-        beside = next(line for line in lines[here + 1 :] if "warning: " not in line)
-        assert " x  " in beside or name not in COMPARED, f"{name} has no alternative"
-    assert sum("sampled: 8 of 768 lines, scaled up" in line for line in lines) == 3
+        assert "1.00 GB" in lines[here]
+        assert (" 2.00 x  " in lines[here + 1]) == (name in COMPARED), name
+    assert sum("line by line (from 0.01 of it)" in line for line in lines) == 3
 
 
 @pytest.mark.parametrize("beam", TABLE_1)
 def test_numbers_of_components_are_those_of_the_paper(beam):
-    used = methods.methods(paper_beams()[beam]).values()
+    used = [steps.method_of(paper_beams()[beam], name) for name in removal.available()]
     n_sources = {one.n_sources for one in used if hasattr(one, "n_sources")}
     assert n_sources == {TABLE_1[beam]["n_sources"]}
-
-
-def test_a_method_has_a_process_of_its_own(monkeypatch):
-    monkeypatch.setattr(methods, "PRELOADED", [])  # saves time, changes nothing
-    assert len({os.getpid(), methods.alone(os.getpid), methods.alone(os.getpid)}) == 3
 
 
 def test_plain_decomposition_does_what_pca_does(maps):
@@ -120,25 +126,18 @@ def test_what_the_machine_can_do(small_trials):
 
 
 def test_steps_in_processes_of_their_own(tmp_path, small_trials, monkeypatch):
-    """As from the shell, one of them in a process, which takes long to start: the table, and the file."""
+    """As from the shell, one of them in a process: the table, and the file."""
 
-    def measured_here(step, case, *, beside):
-        if step.name == "PCA":
-            return measured(step, case, beside=beside)
-        needs, (name, work, times) = step.needs(case.survey, step.work(case)), step.beside(case)
-        work()
-        return Measured(seconds=1.0, memory=10**9, needs=needs, alternative=(name, 1.0, 1 / times))
+    def measure(step, case, *, beside):
+        return (measured if step.name == "PCA" else measured_here)(step, case, beside=beside)
 
-    monkeypatch.setattr(chain_of_steps, "measured", measured_here)
-    sizes = [word for pair in TINY.items() for word in ("--survey", *pair)]
-    only = ["--only", "PCA", "--only", "all measures"]
+    monkeypatch.setattr(chain_of_steps, "measured", measure)
     path = tmp_path / "steps.json"
-    outcome = CliRunner().invoke(
-        chain_of_steps.main, ["--preset", "paper", *sizes, *only, "-o", str(path)], catch_exceptions=False
-    )
-    table = [line for line in outcome.output.splitlines() if line.startswith(("PCA", "all measures"))]
-    assert len(table) == 2 and "8 s" in table[0] and "scikit-learn PCA" in table[0]
-    assert "6 s" in table[1] and "healpy anafast" in table[1]
+    only = ["--only", "PCA", "--only", "all measures"]
+    lines = table(chain_of_steps.main, "--preset", "paper", *only, "-o", str(path))
+    first, second = [line for line in lines if line.startswith(("PCA", "all measures"))]
+    assert "8 s" in first and "scikit-learn PCA" in first
+    assert "6 s" in second and "healpy anafast" in second
     found = json.loads(path.read_text())
     for row in found["steps"]:
         assert row["seconds"] > 0 and 0.1 < row["memory_gb"] < 5 and row["floor_seconds"] > 0

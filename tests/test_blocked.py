@@ -19,11 +19,6 @@ def three_threads(monkeypatch):
     monkeypatch.setattr(sphere, "n_threads", lambda: 3)
 
 
-def test_all_pixels_are_in_one_block_each():
-    parts = [np.arange(10)[block] for block in low_rank.blocks(10, 4)]
-    assert [part.tolist() for part in parts] == [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9]]
-
-
 def test_results_come_in_the_order_of_blocks(three_threads):
     """Although the first block waits for the last."""
     last_is_done = threading.Event()

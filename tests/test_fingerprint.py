@@ -9,7 +9,7 @@ from himap.core import errors, survey
 from himap.core.errors import InputError
 from himap.store import sources
 from himap.store.fingerprint import CodeTree, moved
-from himap.store.live import code_fingerprint, is_current
+from himap.store.store import code_digest, is_current, tree_of
 
 FILES = {
     "__init__.py": "VERSION = 1",
@@ -138,6 +138,7 @@ METHODS = {
         def create(name): return _METHODS.named(name)
         def __getattr__(name): return _METHODS.named(name)
         def power(x): return plain(rfft(x))
+        def listed(): return [*__path__]
     """,
     "methods/base.py": "class Base: ...\ndef plain(x): return x",
     "methods/pca.py": "from toy.methods.base import Base\n"
@@ -154,6 +155,7 @@ READERS = {
     "create": "from toy.methods import create\ncreate('pca')",
     "available": "from toy import methods\nmethods.available()",
     "folder": "from toy.folder import names",
+    "listed": "from toy import methods\nmethods.listed()",
     "whole": "from toy import methods\nprint(methods)",
     "unknown": "from toy.methods import Unknown",
     "PCA": "from toy.methods import PCA",
@@ -164,8 +166,8 @@ READERS = {
     "Base": "from toy.methods import Base",
     "power": "from toy.methods import power",
 }
-BY_NAME = {"create", "available", "folder", "whole", "unknown"}
-BY_REGISTRY = BY_NAME - {"folder"}
+BY_NAME = {"create", "available", "folder", "listed", "whole", "unknown"}
+BY_REGISTRY = BY_NAME - {"folder", "listed"}
 
 
 @pytest.mark.parametrize(
@@ -199,19 +201,6 @@ def test_what_a_package_loads_and_offers_by_name(written, file, old, new, change
     assert {name for name in READERS if moved(before[name], after[name])} == changed
 
 
-LOOKS = "from pkgutil import iter_modules\ndef names(): return list(iter_modules(__path__))\ndef other(): ..."
-
-
-@pytest.mark.parametrize("cell, depends", [("methods.names()", True), ("methods.other()", False)])
-def test_a_function_that_looks_into_the_folder_of_its_package(written, cell, depends):
-    files = METHODS | {"methods/__init__.py": LOOKS}
-    before, after = (
-        written(files, "methods/pca.py", "n = 1", new).source_fingerprint("from toy import methods", cell)
-        for new in ("n = 1", "n = 2")
-    )
-    assert bool(moved(before, after)) == depends
-
-
 def test_the_cells_of_a_notebook():
     tree = CodeTree()
     one = tree.source_fingerprint("x = 1\ny = 2", "z = x")
@@ -233,10 +222,12 @@ def test_rooms_that_cannot_change_a_number_do_not_count(monkeypatch):
 
 
 def test_live_objects():
-    assert code_fingerprint(survey.Survey) == CodeTree().fingerprint("himap.core.survey", "Survey")
-    assert code_fingerprint(survey) != code_fingerprint(errors) and is_current(survey)
+    where = "himap.core.survey", "Survey"
+    assert tree_of(survey.Survey).fingerprint(*where) == CodeTree().fingerprint(*where)
+    several = [frozenset(one) for one in ([survey], [survey.Survey], [survey, errors])]
+    assert len(set(map(code_digest, several))) == 3 and all(map(is_current, several))
     with pytest.raises(InputError, match="top level of a source file"):
-        code_fingerprint(lambda: 1)
+        code_digest(frozenset([lambda: 1]))
 
 
 def test_f_strings_are_the_same_code_on_every_python():

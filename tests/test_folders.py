@@ -37,20 +37,16 @@ def folder(home, pid, host=None, prefix="himap"):
 
 
 def test_only_what_ended_here_is_abandoned(tmp_path, ended):
+    """Or has a number that another process has now."""
     assert is_abandoned(folder(tmp_path, ended))
-    assert not is_abandoned(folder(tmp_path, os.getpid()))
     assert not is_abandoned(folder(tmp_path, ended, host="elsewhere"))
-    own = tmp_path / own_name("himap")
-    own.mkdir()
-    assert not is_abandoned(own)
-    (tmp_path / "himap-thesis").mkdir()
-    assert not is_abandoned(tmp_path / "himap-thesis")
-
-
-def test_a_number_that_another_process_has_now_is_abandoned(tmp_path):
-    old = folder(tmp_path, os.getpid())
-    os.utime(old, (time.time() - 10**6,) * 2)
-    assert is_abandoned(old)
+    ours = folder(tmp_path, os.getpid())
+    assert not is_abandoned(ours)
+    os.utime(ours, (time.time() - 10**6,) * 2)
+    assert is_abandoned(ours)
+    for name in (own_name("himap"), "himap-thesis"):
+        (tmp_path / name).mkdir()
+        assert not is_abandoned(tmp_path / name)
 
 
 def test_links_and_folders_of_others_are_left_alone(tmp_path, ended, monkeypatch):

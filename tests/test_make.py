@@ -11,6 +11,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
+COPIED = ["Makefile", "requirements.txt", "requirements.lock", "pyproject.toml", "_config.yml", "_toc.yml"]
+COPIED += ["CHANGELOG.md", "CITATION.cff"]
 FAKE_PYTHON = """#!/bin/sh
 # Stands for python, himap and jupyter-book: notes what it was asked, makes what make looks for.
 [ "$1" = -c ] && exit 0
@@ -30,16 +32,7 @@ class Workshop:
 
     def __init__(self, folder):
         self.folder = folder
-        for name in (
-            "Makefile",
-            "requirements.txt",
-            "requirements.lock",
-            "pyproject.toml",
-            "_config.yml",
-            "_toc.yml",
-            "CHANGELOG.md",
-            "CITATION.cff",
-        ):
+        for name in COPIED:
             shutil.copy(ROOT / name, folder)
         for name in ("book/intro.md", "notebooks/04_pca.ipynb"):
             (folder / name).parent.mkdir()
@@ -71,16 +64,13 @@ REFRESH = ["himap run", "python book/readme_figure.py", "python book/metadata.py
 TESTS = ["python -m pytest -n 2"]
 
 
-def test_make_sets_up_once(workshop):
-    assert workshop.make("setup") == (0, SETUP)
-    assert workshop.make("setup") == (0, [])
+@pytest.mark.parametrize("lock", [[], ["LOCK=1"]])
+def test_make_sets_up_once(workshop, lock):
+    """Also what the lock names."""
+    assert workshop.make("setup", *lock) == (0, [*SETUP, *SETUP[1:] * len(lock)])
+    assert workshop.make("setup", *lock) == (0, [])
     workshop.edit("requirements.txt")
     assert workshop.make("setup") == (0, SETUP)
-
-
-def test_make_sets_up_what_the_lock_names(workshop):
-    assert workshop.make("setup", "LOCK=1") == (0, [*SETUP, SETUP[1]])
-    assert workshop.make("setup", "LOCK=1") == (0, [])
 
 
 def test_failed_install_is_tried_again(workshop):

@@ -1,7 +1,6 @@
 """Products made several at a time."""
 
 import os
-import time
 
 import numpy as np
 import psutil
@@ -20,33 +19,18 @@ CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
 CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3)]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_what_is_missing_is_made_once(monkeypatch, tmp_path, jobs):
-    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-    monkeypatch.setenv(JOBS_VARIABLE, str(jobs))
-    cleaned.assessment(*CALLS[1])
-    assert make_all(cleaned.assessment, CALLS, "test") == 2
-    assert all(cleaned.assessment.is_cached(*call) for call in CALLS)
-    assert make_all(cleaned.assessment, CALLS, "test") == 0
-
-
-def test_processes_give_what_one_gives(monkeypatch, tmp_path):
+def test_what_is_missing_is_made_once_and_the_same_by_processes(monkeypatch, tmp_path):
+    """Processes that live on follow the settings."""
     found = []
-    for jobs in ("1", "2"):
-        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / jobs))
+    for folder, jobs in (("one", "1"), ("two", "2"), ("three", "2")):
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / folder))
         monkeypatch.setenv(JOBS_VARIABLE, jobs)
-        make_all(cleaned.assessment, CALLS, "test")
+        cleaned.assessment(*CALLS[1])
+        assert make_all(cleaned.assessment, CALLS, "test") == 2
+        assert make_all(cleaned.assessment, CALLS, "test") == 0
+        assert all(cleaned.assessment.is_cached(*call) for call in CALLS)
         found.append([cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS])
-    assert all(np.array_equal(one, two) for one, two in zip(*found, strict=True))
-
-
-def test_processes_that_live_on_follow_the_settings(monkeypatch, tmp_path):
-    monkeypatch.setenv(JOBS_VARIABLE, "2")
-    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "one"))
-    make_all(cleaned.assessment, CALLS, "test")
-    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "two"))
-    assert make_all(cleaned.assessment, CALLS, "test") == len(CALLS)
-    assert all(cleaned.assessment.is_cached(*call) for call in CALLS)
+    assert all(np.array_equal(found[0], other) for other in found[1:])
 
 
 @pytest.mark.parametrize(("own_choice", "threads"), [(None, "1"), ("3", "3")])
@@ -79,10 +63,7 @@ def test_bad_number_of_processes(monkeypatch, text):
     monkeypatch.setenv(JOBS_VARIABLE, text)
     with pytest.raises(InputError, match="HIMAP_JOBS must be a whole number of processes above 0"):
         n_jobs()
-
-
-def test_one_process_unless_told_otherwise(monkeypatch):
-    monkeypatch.delenv(JOBS_VARIABLE, raising=False)
+    monkeypatch.delenv(JOBS_VARIABLE)
     assert n_jobs() == 1
 
 
@@ -108,17 +89,10 @@ def test_processes_end_with_the_one_that_asked(lab, monkeypatch, tmp_path):
     gate = str(tmp_path / "never")
     code = "from himap.store.parallel import make_all\n"
     asking = lab.start(f"{code}make_all(lab.slow, [(1, {gate!r}), (2, {gate!r})], 'test')")
-    _wait_until(lambda: lab.computed() == ["slow", "slow"])
+    lab.wait_for(lambda: lab.computed() == ["slow", "slow"])
     working = psutil.Process(asking.pid).children(recursive=True)
     asking.kill()
     asking.wait()
     assert len(working) >= 2
     _, alive = psutil.wait_procs(working, timeout=60)
     assert not alive
-
-
-def _wait_until(there):
-    deadline = time.monotonic() + 60
-    while not there():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)

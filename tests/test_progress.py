@@ -60,15 +60,11 @@ def test_lines_of_a_command_without_a_terminal(capfd, monkeypatch):
 
 
 def test_a_bar_on_the_terminal_that_is_named(terminal, capfd, monkeypatch):
+    """Of things one after the other, and of steps by hand."""
     path, read = terminal
     monkeypatch.setenv(TERMINAL_VARIABLE, path)
     assert list(progress(range(3), "channels")) == [0, 1, 2]
     assert "channels" in read("channels") and capfd.readouterr() == ("", "")
-
-
-def test_steps_by_hand(terminal, monkeypatch):
-    path, read = terminal
-    monkeypatch.setenv(TERMINAL_VARIABLE, path)
     with progress(description="realisations", total=4) as bar:
         bar.update(2)
         bar.refresh()

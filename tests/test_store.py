@@ -1,6 +1,5 @@
 """Cached products: computed once, and kept under the right key."""
 
-import pickle
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -50,10 +49,6 @@ def test_arguments_that_have_no_text_are_refused(lab):
         lab.base(SURVEY, options=np.random.default_rng(0))
     with pytest.raises(InputError, match="scale=1.0.*unexpected keyword argument 'sclae'"):
         lab.base(SURVEY, sclae=2)
-
-
-def test_a_product_travels_by_name(lab):
-    assert pickle.loads(pickle.dumps(lab.base)) is lab.base
 
 
 def test_products_nest_also_in_workers(lab):

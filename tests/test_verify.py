@@ -176,34 +176,31 @@ class Result:
 RESULT = Result(np.linspace(-1, 1, 5000).reshape(50, 100), 3, None)
 
 
+WHOLE = np.arange(1000)
+SPECTRUM = np.geomspace(1, 1e-12, 30)
+
+
 @pytest.mark.parametrize(
-    "changed, where",
+    "value, changed, where",
     [
-        (Result(RESULT.maps * (1 + 1e-6), 3, None), ""),
-        (Result(RESULT.maps * (1 + 1e-4), 3, None), "maps by 1.0e-04"),
-        (Result(RESULT.maps.astype(np.float32), 3, None), "maps.kind"),
-        (Result(np.where(RESULT.maps > 0.999, 5.0, RESULT.maps), 3, None), "maps by"),
-        (Result(np.where(RESULT.maps > 0.9, np.nan, RESULT.maps), 3, None), "maps by inf"),
-        (Result(RESULT.maps, 4, None), "count"),
-        (Result(RESULT.maps, 3, "x"), "label"),
-        ([RESULT], "result"),
+        (RESULT, Result(RESULT.maps * (1 + 1e-6), 3, None), ""),
+        (RESULT, Result(RESULT.maps * (1 + 1e-4), 3, None), "maps by 1.0e-04"),
+        (RESULT, Result(RESULT.maps.astype(np.float32), 3, None), "maps.kind"),
+        (RESULT, Result(np.where(RESULT.maps > 0.999, 5.0, RESULT.maps), 3, None), "maps by"),
+        (RESULT, Result(np.where(RESULT.maps > 0.9, np.nan, RESULT.maps), 3, None), "maps by inf"),
+        (RESULT, Result(RESULT.maps, 4, None), "count"),
+        (RESULT, Result(RESULT.maps, 3, "x"), "label"),
+        (RESULT, [RESULT], "result"),
+        (WHOLE, np.where(WHOLE == 777, 778, WHOLE), "sha256"),
+        (SPECTRUM, SPECTRUM * (1 + 1e-7), ""),
+        (SPECTRUM, SPECTRUM + [1e-3, *[0] * 29], "result by"),
+        (1.0, 1.001, "result by"),
     ],
 )
-def test_what_differs_is_named(changed, where):
-    stored, given = (json.loads(json.dumps(verify.summary(one))) for one in (RESULT, changed))
+def test_what_differs_is_named(value, changed, where):
+    stored, given = (json.loads(json.dumps(verify.summary(one))) for one in (value, changed))
     found = verify.differences(stored, given)
     assert bool(found) == bool(where) and all(where in one for one in found[:1])
-
-
-def test_integers_and_small_numbers_count():
-    whole = np.arange(1000)
-    later = whole.copy()
-    later[777] += 1
-    assert verify.differences(verify.summary(whole), verify.summary(later))
-    spectrum = np.geomspace(1, 1e-12, 30)
-    assert not verify.differences(verify.summary(spectrum), verify.summary(spectrum * (1 + 1e-7)))
-    assert verify.differences(verify.summary(spectrum), verify.summary(spectrum + [1e-3, *[0] * 29]))
-    assert verify.differences(verify.summary(1.0), verify.summary(1.001))
 
 
 def test_every_product_and_named_class_has_a_call():

@@ -24,7 +24,8 @@ _KINDS = {
     "dict": 'a dict such as {"name": 1}',
     "None": "null",
 }
-_SURVEY_FIELDS = {item.name: item for item in fields(Survey)}
+_OF_PRESET = ...
+"""The default of a field of `Survey`."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +73,7 @@ class _Listing(InputError):
 
     def __init__(self, message, declared):
         super().__init__(f"{message}; the parameters are:")
-        self._listing = describe_parameters(declared)
-
-    def __str__(self):
-        return f"{super().__str__()}\n{self._listing}"
+        self.args = (f"{self}\n{describe_parameters(declared)}",)
 
 
 def read_parameters(source):
@@ -107,9 +105,13 @@ def read_parameters(source):
     return declared
 
 
-def accepts(declared, name):
-    """Whether a notebook with the parameters `declared` takes one called `name`."""
-    return name in {line.name for line in (*declared, *_survey_fields(declared))}
+def all_parameters(declared):
+    """{name: `Parameter`} of what is declared and, if ``survey`` is, of the fields of `Survey` beside it."""
+    known = {parameter.name: parameter for parameter in declared}
+    for item in fields(Survey) if "survey" in known else ():
+        field = Parameter(item.name, item.type.__name__, _OF_PRESET, item.metadata["help"])
+        known.setdefault(item.name, field)
+    return known
 
 
 def parse_texts(declared, texts):
@@ -117,8 +119,7 @@ def parse_texts(declared, texts):
 
     A parameter that can be a string takes the text as it is, unless it is a JSON string.
     """
-    kinds = {parameter.name: parameter.kinds for parameter in declared}
-    values = {}
+    known, values = all_parameters(declared), {}
     for name, text in texts.items():
         values[name] = text
         for parse in (json.loads, ast.literal_eval):  # the second for None, True, ['single quotes']
@@ -126,8 +127,8 @@ def parse_texts(declared, texts):
                 value = parse(text)
             except (ValueError, SyntaxError):
                 continue
-            known = kinds.get(name, set())
-            if "str" not in known or _kind_of(value) in known:
+            kinds = known[name].kinds if name in known else set()
+            if "str" not in kinds or _kind_of(value) in kinds:
                 values[name] = value
             break
     return values
@@ -156,22 +157,20 @@ def check_parameters(declared, given, preset=None):
         An unknown name or a value of the wrong type (the message lists what there is), or a preset
         or Survey field that `Survey` refuses.
     """
-    known = {parameter.name: parameter for parameter in declared}
+    known = all_parameters(declared)
     given = dict(given) if preset is None else {"preset": preset, **given}
     if preset not in (None, given.get("preset")):
         raise InputError(f"the preset is given twice, as {preset!r} and as {given['preset']!r}; give one.")
-    field_names = [item.name for item in _survey_fields(declared)]
-    survey = {name: given.pop(name) for name in field_names if name in given}
     unknown = [name for name in given if name not in known]
     if unknown:
-        choices = [*known, *field_names]
-        close = [match for name in unknown for match in get_close_matches(name, choices, n=1)]
+        close = [match for name in unknown for match in get_close_matches(name, known, n=1)]
         hint = f" (did you mean {', '.join(close)}?)" if close else ""
         raise _Listing(f"unknown parameter{'s' * (len(unknown) > 1)} {', '.join(unknown)}{hint}", declared)
     try:
         values = {name: known[name].convert(value) for name, value in given.items()}
     except InputError as error:
         raise _Listing(error, declared) from None
+    survey = {name: values.pop(name) for name in given if known[name].default is _OF_PRESET}
     if not all(isinstance(name, str) for name in values.get("survey", {})):
         raise InputError(f"survey must be a dict of fields by name, got {values['survey']!r}.")
     if survey or "survey" in values:
@@ -184,18 +183,11 @@ def check_parameters(declared, given, preset=None):
 
 def describe_parameters(declared):
     """One line for each parameter, with type, default and help; then the fields of `Survey`."""
-    lines = [f"  {p.name}: {p.kind} = {p.default!r}  {p.help}".rstrip() for p in declared]
-    lines += [
-        f"  {item.name}: {item.type.__name__} = (preset)  {item.metadata['help']}"
-        for item in _survey_fields(declared)
-    ]
+    lines = []
+    for one in all_parameters(declared).values():
+        default = "(preset)" if one.default is _OF_PRESET else repr(one.default)
+        lines.append(f"  {one.name}: {one.kind} = {default}  {one.help}".rstrip())
     return "\n".join(lines)
-
-
-def _survey_fields(declared):
-    """The fields of `Survey` that are parameters too; none without ``survey``."""
-    names = {parameter.name for parameter in declared}
-    return [item for name, item in _SURVEY_FIELDS.items() if name not in names and "survey" in names]
 
 
 def _kind_of(value):

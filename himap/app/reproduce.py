@@ -15,6 +15,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from unittest.mock import patch
 
 from himap.app.notebook_files import (
     KERNEL,
@@ -204,7 +205,7 @@ def _execute(notebook, parameters, folder):
     node.cells.append(nbformat.v4.new_code_cell(_ABOUT_ITSELF))
     started, watched, kills = time.monotonic(), _terminal(), memory_kills()
     try:
-        with changed_environment(_kernel_variables(watched)):
+        with patch.dict(os.environ, _kernel_variables(watched)):
             done = papermill.execute_notebook(
                 node,
                 None,
@@ -258,15 +259,3 @@ def _kernel_variables(terminal):
     if not (home.is_dir() and os.access(home, os.W_OK)):  # matplotlib would say so in the notebook
         variables["MPLCONFIGDIR"] = os.environ.get("MPLCONFIGDIR", str(run_folder() / "matplotlib"))
     return variables | ({TERMINAL_VARIABLE: terminal} if terminal else {})
-
-
-@contextlib.contextmanager
-def changed_environment(changes):
-    """Environment variables {name: text}, as they were again afterwards."""
-    before = {name: os.environ.get(name) for name in changes}
-    os.environ.update(changes)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name, None) if value is None else os.environ.__setitem__(name, value)

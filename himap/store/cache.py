@@ -27,7 +27,7 @@ from himap.core.errors import InputError
 from himap.core.files import cache_folder, check_private, is_abandoned, make_private, own_name
 from himap.store.arrays import TREE, read_value, write_value
 
-_NOTE, _KEY, _UNFINISHED = "note.json", "key", "unfinished"
+_NOTE, _UNFINISHED = "note.json", "unfinished"
 _DAMAGES = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
 _checked = set()  # files that this process wrote, or whose checksum it has compared: (path, time, size)
 
@@ -174,36 +174,30 @@ def workplace(product, key, n_bytes):
     """A folder for files of so many bytes that the making of the result of `product` under `key` needs.
 
     It goes at the end, also after an error. Where the work is interrupted or killed it stays, and the next
-    call with this key has what it holds; saving another result of `product` deletes it.
+    call with this key has what it holds. Another process waits.
 
     Raises
     ------
     InputError
         There is no room, or nothing can be written to the cache.
     """
-    with _writing(product) as home:
-        folder = home / own_name(_UNFINISHED)
-        ours = folder.name.rpartition("-")[0]  # a name of this process but for its end
-        for other in home.glob(f"{_UNFINISHED}-*"):
-            is_free = is_abandoned(other) or other.name.startswith(f"{ours}-")
-            if is_free and (other / _KEY).is_file() and (other / _KEY).read_text() == key:
-                other.rename(folder)
-                break
-        make_private(folder)
-        (folder / _KEY).write_text(key)
-        missing = n_bytes - sum(file.stat().st_size for file in folder.iterdir())
-        free = shutil.disk_usage(home).free
-    try:
-        if free < missing:
-            raise InputError(
-                f"{product} needs {missing / 1e9:.3g} GB of disk while it is made, and {free / 1e9:.3g} GB "
-                f"are free in {home}. Free space with `himap cache clear`, or set HIMAP_CACHE to a folder "
-                "that has room; a smaller box, or more memory, needs no disk."
-            )
-        yield folder
-    finally:
-        if not isinstance(sys.exception(), KeyboardInterrupt):
-            shutil.rmtree(folder, ignore_errors=True)
+    with lock(product, f"{_UNFINISHED}-{key}"):
+        with _writing(product) as home:
+            folder = home / f"{_UNFINISHED}-{key}"
+            make_private(folder)
+            missing = n_bytes - sum(file.stat().st_size for file in folder.iterdir())
+            free = shutil.disk_usage(home).free
+        try:
+            if free < missing:
+                raise InputError(
+                    f"{product} needs {missing / 1e9:.3g} GB of disk while it is made, and {free / 1e9:.3g} "
+                    f"GB are free in {home}. Free space with `himap cache clear`, or set HIMAP_CACHE to a "
+                    "folder that has room; a smaller box, or more memory, needs no disk."
+                )
+            yield folder
+        finally:
+            if not isinstance(sys.exception(), KeyboardInterrupt):
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def remove(product, key):
@@ -259,7 +253,7 @@ def _is_result(path):
     """Whether himap made this folder; HIMAP_CACHE may name one that holds other things too, and links."""
     if path.is_symlink() or path.parent.is_symlink():
         return False
-    if re.fullmatch(rf"{_UNFINISHED}-.+-\d+-[0-9a-f]{{8}}", path.name):
+    if re.fullmatch(rf"{_UNFINISHED}-([0-9a-f]{{32}}|.+-\d+-[0-9a-f]{{8}})", path.name):
         return path.is_dir()
     known = (path / name for name in (TREE, _NOTE))  # an earlier himap had other values with its note
     return bool(re.fullmatch(r"[0-9a-f]{32}", path.name)) and any(file.is_file() for file in known)

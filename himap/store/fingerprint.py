@@ -120,12 +120,6 @@ class CodeTree:
         self._roots[_CELLS, sources] = _Unit(part.digest, self._targets(code, part, None))
         return self._fingerprint((_CELLS, sources))
 
-    def files(self, module, name=None):
-        """The files that a fingerprint is read from."""
-        root = self._root(module, name)
-        summaries = map(self._summary, [root, *self._parts(root)])
-        return {self._file(unit[0]) for summary in summaries for unit in summary.reached} - {None}
-
     def digests(self, module):
         """{fixed name: {place: digest}} of the definitions behind every product and named class of a module.
 

@@ -10,6 +10,7 @@ import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache as cache_calls
+from unittest.mock import patch
 
 import joblib
 from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -117,14 +118,14 @@ def _in_processes(product, missing):
     """What `_make` returns of each piece of work as it is done; the processes share the cores."""
     jobs, kills = min(n_jobs(), len(missing)), memory_kills()
     # joblib tells this to every other package with threads. New processes read it when they begin.
-    own_choice = os.environ.get(_TRANSFORM_THREADS)
-    os.environ[_TRANSFORM_THREADS] = own_choice or str(max(1, joblib.cpu_count() // jobs))
+    threads = os.environ.get(_TRANSFORM_THREADS) or str(max(1, joblib.cpu_count() // jobs))
     try:
         # The processes live on for the next call, so each piece of work brings the settings of this one.
         folder = run_folder()
         work = (joblib.delayed(_make)(product, call, _settings(), folder, os.getpid()) for call in missing)
         options = {"temp_folder": str(folder), "return_as": "generator_unordered"}
-        yield from joblib.Parallel(n_jobs=jobs, **options)(work)
+        with patch.dict(os.environ, {_TRANSFORM_THREADS: threads}):
+            yield from joblib.Parallel(n_jobs=jobs, **options)(work)
     except TerminatedWorkerError as error:
         cause = cause_of_death(map(int, re.findall(r"\((-?\d+)\)", str(error))), kills)
         more = " with fewer --jobs, or on a machine with more memory" if "memory" in cause else ""
@@ -132,9 +133,6 @@ def _in_processes(product, missing):
             f"one of {jobs} processes died of {cause} as it made {product.name}. What was done is kept: run "
             f"the same again{more}."
         ) from None
-    finally:
-        if own_choice is None:
-            del os.environ[_TRANSFORM_THREADS]
 
 
 @cache_calls

@@ -200,16 +200,17 @@ def note(root):
         LOADED[file] = file.read_text(encoding="utf-8")
 
 
-def is_unchanged(file):
-    """Whether a file has the time and size that it had when it was loaded."""
-    try:
-        return _STATES.get(file) == _state(file)
-    except FileNotFoundError:
-        return False
+def edited():
+    """{file: its time and size now, None if it is gone} of files that are others than this process loaded."""
+    now = {file: _state(file) for file in _STATES}
+    return {file: state for file, state in now.items() if state != _STATES[file]}
 
 
 def _state(file):
-    status = os.stat(file)
+    try:
+        status = os.stat(file)
+    except FileNotFoundError:
+        return None
     return status.st_mtime_ns, status.st_size
 
 

@@ -1,24 +1,26 @@
 """Heavy results, computed once and kept on disk.
 
-A function under `@product` is computed once for each set of arguments and each version of the code
-that it reaches (`himap.store.live`); after that its result is read from the cache folder
-(`himap.store.cache`), its arrays mapped from disk and read-only.
+A function under `@product` is computed once for each set of arguments and each version of the code that it
+reaches, as this process loaded it; after that its result is read from the cache folder (`himap.store.cache`),
+its arrays mapped from disk and read-only.
 """
 
 import functools
 import inspect
+import sys
 import time
 import warnings
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
 from himap.core.errors import InputError
-from himap.store import cache
-from himap.store.live import code_digest, is_current, place
+from himap.store import cache, sources
+from himap.store.fingerprint import CodeTree, accepted_version
 
 
 def product(function=None, *, name=None, version=None):
@@ -158,9 +160,9 @@ class Product:
         except TypeError as error:
             raise InputError(f"{self.name}{self._signature} was called otherwise: {error}.") from None
         bound.apply_defaults()
-        sources = frozenset({self._function, *_classes(bound.arguments)})
-        text = f"{code_digest(sources)} {_describe(bound.arguments)}"
-        return bound, sha256(text.encode()).hexdigest()[:32], all(map(is_current, sources))
+        code = frozenset({self._function, *_classes(bound.arguments)})
+        text = f"{code_digest(code)} {_describe(bound.arguments)}"
+        return bound, sha256(text.encode()).hexdigest()[:32], is_current(code)
 
 
 def _describe(value):
@@ -206,3 +208,66 @@ def _classes(value):
     if is_dataclass(value):
         return [type(value), *_classes([getattr(value, item.name) for item in fields(value)])]
     return []
+
+
+def code_digest(objects):
+    """One digest of the fingerprints of functions, classes and modules, a frozenset, but for their looks.
+
+    As this process loaded them.
+
+    Raises
+    ------
+    InputError
+        One is not defined at the top level of a source file (a lambda, a nested function, or something
+        typed into a notebook).
+    """
+    return _digest(objects, accepted_version(), frozenset())
+
+
+def is_current(objects):
+    """Whether the code of functions, classes or modules on disk is, but for words, what this process loaded.
+
+    It looks at the times and sizes of files, and reads again only those that have changed.
+    """
+    edited = frozenset(sources.edited().items())
+    return not edited or _digest(objects, accepted_version(), edited) == code_digest(objects)
+
+
+def tree_of(obj, **options):
+    """The `CodeTree` with the package of a function, class or module, as this process loaded it."""
+    return CodeTree(texts=sources.LOADED, **dict([place(obj)[0]]), **options)
+
+
+@lru_cache(maxsize=1024)
+def place(obj):
+    """(name of its package, root of that), name of its module, its own name; notes the source there now."""
+    is_module = inspect.ismodule(obj)
+    module = obj.__name__ if is_module else getattr(obj, "__module__", None)
+    name = None if is_module else getattr(obj, "__qualname__", "")
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None or (name is not None and not name.isidentifier()):
+        raise InputError(
+            f"{obj!r} has no fingerprint: it must be a module, or a function or class defined at the top "
+            "level of a source file; move it into a module and import it from there."
+        )
+    top, *rest = module.split(".")
+    path = Path(file).resolve()
+    depth = len(rest) + (path.name == "__init__.py")
+    root = path.parents[depth - 1] if depth else path
+    sources.note(root)
+    return (top, root), module, name
+
+
+@lru_cache(maxsize=1024)
+def _digest(objects, version, edited):
+    places = [place(obj) for obj in objects]
+    codes = [_tree(root, version, edited).fingerprint(module, name) for root, module, name in places]
+    parts = {f"{name} {digest}" for code in codes for name, digest in code.items() if name != "look"}
+    return sha256(" ".join(sorted(parts)).encode()).hexdigest()
+
+
+@lru_cache(maxsize=8)
+def _tree(root, version, edited):
+    """The source as it was loaded, but for the files that are `edited`."""
+    texts = {file: text for file, text in sources.LOADED.items() if file not in dict(edited)}
+    return CodeTree(texts=texts, **dict([root]))

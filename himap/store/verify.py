@@ -21,7 +21,7 @@ from himap.core.errors import InputError
 from himap.core.files import whole_file
 from himap.core.progress import progress
 from himap.store import fingerprint
-from himap.store.live import tree_of
+from himap.store.store import tree_of
 
 RTOL = 1e-5
 """Relative difference up to which two numbers are equal."""

@@ -25,7 +25,7 @@ from himap.app.cli.shared import (
     workers,
 )
 from himap.app.notebooks import find, notebooks
-from himap.app.parameters import accepts, check_parameters, describe_parameters, parse_texts
+from himap.app.parameters import all_parameters, check_parameters, describe_parameters, parse_texts
 from himap.core.errors import InputError
 from himap.core.survey import PRESETS
 from himap.figures.tables import Table
@@ -136,14 +136,14 @@ def run(names, preset, pairs, output, stale, every, overwrite):
 def _calls(names, preset, texts, *, only_accepted):
     """{notebook: its "preset" and "parameters"}, checked before any runs; perhaps only those that it has."""
     declared = {name: find(name).parameters for name in names}
-    for parameter in texts if only_accepted else ():
-        if not any(accepts(parameters, parameter) for parameters in declared.values()):
-            raise InputError(f"no notebook has the parameter {parameter}; `himap list NAME` shows them.")
-    calls = {}
+    known = {name: all_parameters(parameters) for name, parameters in declared.items()}
+    calls, unused = {}, set(texts).difference(*known.values())
+    if only_accepted and unused:
+        raise InputError(f"no notebook has the parameter {min(unused)}; `himap list NAME` shows them.")
     for name, parameters in declared.items():
-        accepted = {key: text for key, text in texts.items() if not only_accepted or accepts(parameters, key)}
+        its_preset = preset if not only_accepted or "preset" in known[name] else None
+        accepted = {key: text for key, text in texts.items() if not only_accepted or key in known[name]}
         values = parse_texts(parameters, accepted)
-        its_preset = preset if not only_accepted or accepts(parameters, "preset") else None
         check_parameters(parameters, values, its_preset)
         calls[name] = {"preset": its_preset, "parameters": values}
     return calls

@@ -1,14 +1,16 @@
 """The options that commands of `himap` share, and their errors, in one paragraph."""
 
 import functools
+import os
 from contextlib import suppress
 from importlib import import_module
+from unittest.mock import patch
 
 import click
 from click.shell_completion import CompletionItem
 
 from himap.app.notebooks import notebooks
-from himap.app.reproduce import NotebookError, changed_environment
+from himap.app.reproduce import NotebookError
 from himap.core.errors import InputError, shortened
 from himap.core.memory import LIMIT_VARIABLE, parse_size
 from himap.core.progress import progress_lines
@@ -28,7 +30,7 @@ class Commands(click.Group):
 
     def invoke(self, context):
         try:
-            with changed_environment(_FOR_CHILDREN), progress_lines():
+            with patch.dict(os.environ, _FOR_CHILDREN), progress_lines():
                 return super().invoke(context)
         except (InputError, NotebookError, ModuleNotFoundError) as error:
             message, code = shortened(str(error)), 2
@@ -125,7 +127,8 @@ def workers(command):
     @functools.wraps(command)
     def wrapped(*args, jobs, dask, max_memory, **options):
         settings = {JOBS_VARIABLE: jobs, DASK_VARIABLE: dask, LIMIT_VARIABLE: max_memory}
-        with changed_environment({name: str(value) for name, value in settings.items() if value is not None}):
+        given = {name: str(value) for name, value in settings.items() if value is not None}
+        with patch.dict(os.environ, given):
             check_scheduler()
             return command(*args, **options)
 
