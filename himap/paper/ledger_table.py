@@ -7,21 +7,9 @@ import pandas as pd
 
 from himap.figures.tables import HTML, Table
 from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
+from himap.paper.claims.base import SECTIONS
 from himap.paper.claims.verdicts import PLACE
 
-_SECTIONS = {
-    "1": "Sect. 1: the sky",
-    "2.2": "Sect. 2.2: the instrument",
-    "3.2": "Sect. 3.2: fits along lines of sight",
-    "3.3": "Sect. 3.3: the iteration of SDecGMCA",
-    "4.2": "Sect. 4.2: methods and beams",
-    "4.3": "Sect. 4.3: the number of sources",
-    "4.1, B": "Sect. 4.1 and App. B: masking of peaks",
-    "5.1": "Sect. 5.1: lines of sight left out",
-    "5.2": "Sect. 5.2: the Galaxy dimmed",
-    "6": "Sect. 6: conclusions",
-    "A": "App. A: diagnostics",
-}
 BADGES = {
     REPRODUCED: ("✓", "#00664b"),
     IN_PART: ("≈", "#8a5a00"),
@@ -104,7 +92,7 @@ class LedgerTable:
 
     def _repr_html_(self):
         rows = []
-        for section, title in _SECTIONS.items():
+        for section, (title, _) in SECTIONS.items():
             claims = [self._row(entry) for entry in self.entries if entry.claim.section == section]
             if claims:
                 rows += [["", HTML(f"<strong>{title}</strong>"), "", "", "", ""], *claims]

@@ -7,12 +7,10 @@ docstring of each function, which is shown with its verdict.
 """
 
 from himap.paper.claims import (  # noqa: F401 - each enters its claims
-    dimming,
+    beams,
     further,
-    oscillating_beam,
     other_sections,
     peak_masking,
-    smooth_beams,
 )
 from himap.paper.claims.base import REGISTRY, Claim
 from himap.paper.claims.verdicts import (

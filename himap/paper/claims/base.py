@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -17,6 +16,22 @@ CLIPPED = {spread: f"oscillating, sigma of the {spread}" for spread in ("channel
 """{spread of the peak masking other than the line's (`himap.removal.peaks.SPREADS`): name of the case}."""
 
 LOW_K = 0.1  # 1/MHz, below which the paper calls k low
+
+SECTIONS = {
+    "1": ("Sect. 1: the sky", "01_simulations"),
+    "2.2": ("Sect. 2.2: the instrument", "02_beams_and_noise"),
+    "3.2": ("Sect. 3.2: fits along lines of sight", "08_parametric"),
+    "3.3": ("Sect. 3.3: the iteration of SDecGMCA", "09_sdecgmca"),
+    "4.2": ("Sect. 4.2: methods and beams", "10_results"),
+    "4.3": ("Sect. 4.3: the number of sources", "11_ns_scan"),
+    "4.1, B": ("Sect. 4.1 and App. B: masking of peaks", "03_peak_masking"),
+    "5.1": ("Sect. 5.1: lines of sight left out", "12_post_masking"),
+    "5.2": ("Sect. 5.2: the Galaxy dimmed", "13_dimmed_galaxy"),
+    "6": ("Sect. 6: conclusions", "10_results"),
+    "A": ("App. A: diagnostics", "14_diagnostics"),
+}
+"""{section of the paper: (its title, the chapter that shows its claims unless they say otherwise)}, in the
+order of the ledger."""
 
 REGISTRY = {}
 """{id: `Claim`}."""
@@ -44,7 +59,7 @@ class Claim:
     number: str
     paper: str
     section: str
-    figure: str = ""
+    figure: str
     notebook: str
     check: Callable
 
@@ -59,19 +74,18 @@ class Claim:
         return " ".join(self.check.__doc__.partition("\n")[2].split())
 
 
-def claim(id, beam, **entry):
-    """Decorator: enter a function from `Realisation` to `Finding`; its docstring is statement and reading."""
+def claim(id, beam, section, figure, number, paper, *, notebook=""):
+    """Decorator: enter a function from `Realisation` to `Finding` as the `Claim` with these attributes.
+
+    Its docstring is statement and reading; without `notebook` the chapter is that of the section.
+    """
 
     def register(check):
-        REGISTRY[id] = Claim(id=id, beam=beam, check=check, **entry)
+        place = {"section": section, "figure": figure, "notebook": notebook or SECTIONS[section][1]}
+        REGISTRY[id] = Claim(id=id, beam=beam, number=number, paper=paper, **place, check=check)
         return check
 
     return register
-
-
-def claims_of(**entry):
-    """The decorator `claim` with words that several share; its name is to end on "_claim"."""
-    return partial(claim, **entry)
 
 
 def each(sky, case, measure, methods=tuple(METHODS)):

@@ -1,4 +1,4 @@
-"""Section 1: the sky; Section 4.3: the number of sources (Figs. 3 and 4); Appendix A: diagnostics."""
+"""The sky (Sect. 1), the number of sources (4.3), the dimmed Galaxy (5.2), and diagnostics (App. A)."""
 
 import numpy as np
 
@@ -6,31 +6,36 @@ from himap.measures.diagnostics import MSE_DEFINITIONS
 from himap.paper.claims.base import (
     LOW_K,
     METHODS,
+    above,
     angular_band,
     bump,
     claim,
-    claims_of,
+    each,
     finding,
     frequency_band,
     larger,
     listing,
+    quotients,
     sd_least,
+    smaller,
     total,
 )
-from himap.paper.claims.verdicts import CONSISTENT, Part, is_smaller, not_applicable, parts_of, places_of
-
-scan_claim = claims_of(section="4.3", notebook="11_ns_scan")
-appendix_claim = claims_of(section="A", notebook="14_diagnostics")
-
-
-@claim(
-    "F1",
-    "none",
-    number="log10 of the rms of the foregrounds over that of HI, all sky",
-    paper="> 4, up to 5",
-    section="1",
-    notebook="01_simulations",
+from himap.paper.claims.verdicts import (
+    CLEAR,
+    CONSISTENT,
+    RECOVERED,
+    Part,
+    is_smaller,
+    not_applicable,
+    parts_of,
+    places_of,
 )
+
+_DIMMED = ("oscillating", "dimmed")
+_THREE = ("pca", "fastica", "sdecgmca")
+
+
+@claim("F1", "none", "1", "", "log10 of the rms of the foregrounds over that of HI, all sky", "> 4, up to 5")
 def foregrounds_above_hi(sky):
     """The foregrounds are over 4 orders of magnitude above HI, up to 5, at high latitude too.
 
@@ -60,7 +65,7 @@ def _best(scan, error):
     return min(scan, key=lambda n: error(scan[n]))
 
 
-@scan_claim("N1", "oscillating", number="n_s of the smallest MSE", paper="5", figure="3")
+@claim("N1", "oscillating", "4.3", "3", "n_s of the smallest MSE", "5")
 def scan_minimum(sky):
     """The total MSE of SD has its minimum at 5 sources, for 2 to 20.
 
@@ -74,7 +79,7 @@ def scan_minimum(sky):
     return finding(best, parts, {"Total MSE at n_s =": {n: total(sky.scan[n]) for n in {best, 5}}})
 
 
-@scan_claim("N2", "oscillating", number="smallest MSE of these over that at n_s = 5", paper="> 1", figure="3")
+@claim("N2", "oscillating", "4.3", "3", "smallest MSE of these over that at n_s = 5", "> 1")
 def scan_ends(sky):
     """The MSE of SD is larger at n_s = 2, 3 and at n_s >= 10.
 
@@ -89,9 +94,7 @@ def scan_ends(sky):
     return finding(min(values.values()), parts, {"MSE over that at n_s = 5": values})
 
 
-@scan_claim(
-    "N3", "oscillating", number="best n_s at low k", paper="5 (6 for the bump, 7 at 10 < l < 100)", figure="4"
-)
+@claim("N3", "oscillating", "4.3", "4", "best n_s at low k", "5 (6 for the bump, 7 at 10 < l < 100)")
 def scan_scales(sky):
     """The best n_s of SD is 5 at low k, 6 for the bump near k = 0.3, 7 at 10 < l < 100.
 
@@ -109,9 +112,7 @@ def scan_scales(sky):
     return _missing(sky, 5, 6, 7) or finding(best["low k"], parts, {"Best n_s": best})
 
 
-@scan_claim(
-    "N4", "oscillating", number="n_s of the smallest total, relative errors", paper="5 to 7", figure="3"
-)
+@claim("N4", "oscillating", "4.3", "3", "n_s of the smallest total, relative errors", "5 to 7")
 def scan_compromise(sky):
     """An n_s of 5 to 7 is the best compromise over all scales.
 
@@ -123,13 +124,7 @@ def scan_compromise(sky):
     return _missing(sky, 4, 5, 6, 7, 8) or finding(best["relative"], parts, {"Least total at n_s": best})
 
 
-@scan_claim(
-    "N5",
-    "oscillating",
-    number="spread over n_s at l > 150 over that at 10 < l < 100",
-    paper="< 1",
-    figure="4",
-)
+@claim("N5", "oscillating", "4.3", "4", "spread over n_s at l > 150 over that at 10 < l < 100", "< 1")
 def scan_large_degrees(sky):
     """At the largest multipoles the differences between n_s are small.
 
@@ -151,13 +146,101 @@ def scan_large_degrees(sky):
     return finding(large / middle, parts, wording)
 
 
+def _gain(sky):
+    """Total MSE dimmed over full, {method: ratio}."""
+    full, dimmed = (each(sky, case, total) for case in _DIMMED)
+    return quotients(dimmed, full)
+
+
+@claim("G1", "oscillating, dimmed", "5.2", "7", "largest total MSE over that of the full Galaxy", "< 1")
+def dimmed_error(sky):
+    """Dimming the plane improves every method, most PCA, ICA and SD.
+
+    To improve is a total MSE that is smaller by more than 1 %; most is by factors that are larger than all
+    others, by more than 1 %. Six main parts: each method, PCA/ICA by the worse of the two; those three most.
+    """
+    gain = _gain(sky)
+    others = [value for name, value in gain.items() if name not in ("PCA", "ICA", "SD")]
+    most = is_smaller(max(gain["PCA"], gain["ICA"], gain["SD"]), min(others))
+    parts = (*parts_of(gain, smaller, "improves"), Part("most PCA, ICA, SD", most))
+    return finding(max(gain.values()), parts, {"Total MSE dimmed over full": gain})
+
+
+@claim("G2", "oscillating, dimmed", "5.2", "7", "highest P/P0 of SD near k = 0.31, less 1", "< 0.02")
+def dimmed_peak(sky):
+    """The peak near k = 0.3 persists for PCA and ICA, and is below 2 % for SD.
+
+    A peak is a P/P0 of more than 1.1 for 0.25 < k < 0.38. Two main parts: it persists for PCA/ICA, both of
+    them; that of SD is below 1.02.
+    """
+    tops = each(sky, "dimmed", bump, _THREE)
+    parts = (
+        *parts_of({name: tops[name] for name in ("PCA", "ICA")}, above(CLEAR), "keep the peak"),
+        Part("SD below 2 %", tops["SD"] < 1.02, method="SD"),
+    )
+    return finding(tops["SD"] - 1, parts, {"Highest P/P0 near k = 0.31": tops}, "{:.4g}")
+
+
+def _recovered_shares(sky):
+    """Share of l within 10 %, {case: {method: share}}, and how much it grows with dimming, {method: more}."""
+
+    def share(comparison):
+        return float(np.mean(np.abs(comparison.angular_ratio[comparison.degrees <= 200] - 1) < RECOVERED))
+
+    shares = {case: each(sky, case, share, _THREE) for case in _DIMMED}
+    full, dimmed = shares.values()
+    return shares, {name: dimmed[name] - full[name] for name in full}
+
+
+@claim("G3", "oscillating, dimmed", "5.2", "7", "smallest growth of the share of l within 10 %", "> 0")
+def dimmed_range(sky):
+    """The recovered range of l grows for PCA, ICA and SD.
+
+    The share of l, 2 <= l <= 200, with |C/C0 - 1| < 10 % grows by more than 1 % of itself. Two main parts:
+    PCA/ICA by the worse of the two, and SD.
+    """
+    shares, growth = _recovered_shares(sky)
+    pairs = {name: [row[name] for row in shares.values()] for name in growth}
+    parts = parts_of(pairs, lambda pair: is_smaller(*pair), "grows")
+    return finding(min(growth.values()), parts, {"Share of l within 10 %": shares}, "{:.0%}")
+
+
+@claim(
+    "G4",
+    "oscillating, dimmed",
+    "6",
+    "7",
+    "growth of SD's share of l within 10 %",
+    "> that of PCA and ICA",
+    notebook="13_dimmed_galaxy",
+)
+def dimmed_most(sky):
+    """Of PCA, ICA and SD, SD gains most from dimming.
+
+    The conclusions are about the range of l: the share of l, 2 <= l <= 200, within 10 % grows for SD, and
+    more than for PCA and for ICA, by more than 1 %. Main part. Another: its total MSE shrinks, by the largest
+    factor of the three.
+    """
+    shares, growth = _recovered_shares(sky)
+    gain = {name: value for name, value in _gain(sky).items() if name in growth}
+    grows = is_smaller(*(row["SD"] for row in shares.values()))
+    most = grows and is_smaller(max(growth["PCA"], growth["ICA"]), growth["SD"])
+    shrinks = is_smaller(gain["SD"], min(1, gain["PCA"], gain["ICA"]))
+    parts = (
+        Part("SD's range grows most", most, method="SD"),
+        Part("SD's error shrinks most", shrinks, False, "SD"),
+    )
+    wording = {"Growth of the share of l within 10 %": growth, "total MSE dimmed over full": gain}
+    return finding(growth["SD"], parts, wording)
+
+
 def _share_of_sd(values):
     """At what share of l or channels SD has the smallest of {name: values}."""
     rows = zip(*values.values(), strict=True)
     return float(np.mean([sd_least(dict(zip(values, row, strict=True))) for row in rows]))
 
 
-@appendix_claim("A1", "oscillating", number="share of channels where SD is highest", paper="1", figure="A.1")
+@claim("A1", "oscillating", "A", "A.1", "share of channels where SD is highest", "1")
 def correlation_highest(sky):
     """SD has the highest correlation with the truth, consistently over frequency.
 
@@ -175,7 +258,7 @@ def correlation_highest(sky):
     )
 
 
-@appendix_claim("A2", "oscillating", number="share of l where SD is smallest", paper="1", figure="A.2")
+@claim("A2", "oscillating", "A", "A.2", "share of l where SD is smallest", "1")
 def variance_smallest(sky):
     """SD has the smallest variance of R_l for 10 <= l <= 200.
 

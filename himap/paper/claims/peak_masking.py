@@ -17,7 +17,6 @@ from himap.paper.claims.base import (
     angular_band,
     bump,
     claim,
-    claims_of,
     each,
     finding,
     frequency_band,
@@ -40,8 +39,6 @@ from himap.paper.claims.verdicts import (
 )
 from himap.paper.methods import BSS
 
-peak_claim = claims_of(section="4.1, B", notebook="03_peak_masking")
-post_claim = claims_of(section="5.1", figure="6", notebook="12_post_masking")
 _PLANE = 15.0  # deg of latitude
 
 
@@ -60,15 +57,7 @@ def _all_absent(parts):
     return all(part.held is None for part in parts)
 
 
-@claim(
-    "O8",
-    "oscillating",
-    number="share of masked voxels that are ripple",
-    paper="notable",
-    section="4.2",
-    figure="1",
-    notebook="10_results",
-)
+@claim("O8", "oscillating", "4.2", "1", "share of masked voxels that are ripple", "notable")
 def excess_of_masking(sky):
     """The excess at l < 10 is due to the peak masking, which misidentifies ripples as peaks.
 
@@ -111,9 +100,7 @@ def excess_of_masking(sky):
     return finding(math.nan if most is None else most, parts, wording)
 
 
-@peak_claim(
-    "B1", "all three", number="smallest ratio of total MSE, without over with", paper="> 1", figure="B.3"
-)
+@claim("B1", "all three", "4.1, B", "B.3", "smallest ratio of total MSE, without over with", "> 1")
 def unmasked_peaks(sky):
     """Without the masking of peaks every method is less accurate.
 
@@ -131,12 +118,13 @@ def unmasked_peaks(sky):
     return finding(least, parts, {"Total MSE without peak masking over that with it": ratios}, "{:.4g}")
 
 
-@peak_claim(
+@claim(
     "B2",
     "all three",
-    number="largest median |P/P0 - 1| at k > 0.1 of BSS, with masking",
-    paper="smaller than without",
-    figure="B.3",
+    "4.1, B",
+    "B.3",
+    "largest median |P/P0 - 1| at k > 0.1 of BSS, with masking",
+    "smaller than without",
 )
 def broadband_bias(sky):
     """The masking of peaks removes a bias of P/P0 over all scales.
@@ -159,9 +147,7 @@ def broadband_bias(sky):
     return finding(math.nan if _all_absent(parts) else worst, parts, wording, "{:.4g}")
 
 
-@peak_claim(
-    "B3", "all three", number="smallest share of masked voxels on an HI peak", paper="most", figure="B.1"
-)
+@claim("B3", "all three", "4.1, B", "B.1", "smallest share of masked voxels on an HI peak", "most")
 def masked_peaks(sky):
     """The peaks that are masked are bright HI, not point sources.
 
@@ -178,13 +164,7 @@ def masked_peaks(sky):
     return finding(min(_known(shares), default=math.nan), parts, wording, "{}")
 
 
-@post_claim(
-    "M1",
-    "oscillating",
-    number="share of SD's flagged lines within 15 deg of the plane",
-    paper="most",
-    figure="5",
-)
+@claim("M1", "oscillating", "5.1", "5", "share of SD's flagged lines within 15 deg of the plane", "most")
 def flagged_in_plane(sky):
     """Lines of sight flagged by their error lie along the Galactic plane.
 
@@ -204,9 +184,7 @@ def flagged_in_plane(sky):
     )
 
 
-@post_claim(
-    "M2", "oscillating", number="highest P/P0 of SD near k = 0.31, masked", paper="lower than unmasked"
-)
+@claim("M2", "oscillating", "5.1", "6", "highest P/P0 of SD near k = 0.31, masked", "lower than unmasked")
 def masked_sdecgmca(sky):
     """Excluding the flagged lines of sight lowers the peak of SD.
 
@@ -226,9 +204,7 @@ def _by_mask(sky, measure, methods, *, binned):
     return {METHODS[name]: measure(sky.masked(name)) / measure(full(name)) for name in methods}
 
 
-@post_claim(
-    "M3", "oscillating", number="smallest mean |P/P0 - 1| over that without the mask", paper="about 1"
-)
+@claim("M3", "oscillating", "5.1", "6", "smallest mean |P/P0 - 1| over that without the mask", "about 1")
 def masked_others(sky):
     """P/P0 of the other methods does not improve notably without the flagged lines.
 
@@ -240,7 +216,7 @@ def masked_others(sky):
     return finding(min(ratios.values()), parts, {"Mean |P/P0 - 1| with over without the mask": ratios})
 
 
-@post_claim("M4", "oscillating", number="largest mean |C/C0 - 1| over that without the mask", paper="< 1")
+@claim("M4", "oscillating", "5.1", "6", "largest mean |C/C0 - 1| over that without the mask", "< 1")
 def masked_angular(sky):
     """C/C0 improves for every BSS method, most for SD.
 
@@ -253,9 +229,7 @@ def masked_angular(sky):
     return finding(max(ratios.values()), parts, {"Mean |C/C0 - 1| with over without the mask": ratios})
 
 
-@post_claim(
-    "M5", "oscillating", number="lowest l from which SD recovers C, masked", paper="lower than unmasked"
-)
+@claim("M5", "oscillating", "5.1", "6", "lowest l from which SD recovers C, masked", "lower than unmasked")
 def masked_range(sky):
     """Without the flagged lines SD recovers smaller multipoles and lower k.
 
