@@ -231,7 +231,7 @@ add("petabytes in HDF5", "a.h5", "GB", large_hdf5)
 
 # Containers of cora and draco.
 for pols in (["XX", "YY"], ["I", "I"]):
-    add(f"polarisations {pols}", "a.h5 --unit K", "must have I once", write_container, pols=pols)
+    add(f"polarisations {pols}", "a.h5 --unit K", "have I once", write_container, pols=pols)
 axis = ("pol", "freq", "pixel")
 add("other axes", "a.h5 --unit K", "must have the axes (freq, pol, pixel)", write_container, axis=axis)
 add("a container without a unit", "a.h5", "--unit", write_container)
@@ -239,8 +239,8 @@ for n, (name, values, message) in enumerate(
     (
         ("index_map__freq", None, "no index_map/freq"),
         ("index_map__pol", None, "no index_map/pol"),
-        ("index_map__pol", np.arange(4), "must be names of polarisations"),
-        ("index_map__pol", np.array([b"I"]), "must have 4 entries"),
+        ("index_map__pol", np.arange(4), "must be the names of 4 polarisations"),
+        ("index_map__pol", np.array([b"I"]), "must be the names of 4 polarisations"),
         ("index_map__freq", np.array([b"900"] * 24), "numbers, or a table with a column centre"),
         ("index_map__freq", np.zeros(24, dtype=[("width", "f8")]), "numbers, or a table with a column"),
         ("index_map__freq", h5py.ExternalLink("other.h5", "freqs"), "no index_map/freq in its own"),
@@ -454,7 +454,7 @@ for word in ("weights", "flags"):
             ),
             (
                 "w.fits",
-                "cannot be read as an image cube in FITS",
+                "w.fits cannot be read as",
                 partial(Path("w.fits").write_bytes, b"SIMPLE  ="),
             ),
             ("nu.txt", "of a cube of images must be a .fits or .npy file", None),

@@ -116,7 +116,7 @@ class TestReading:
     def test_a_damaged_file(self, size, maps, path):
         write(path, maps)
         path.write_bytes(path.read_bytes()[:size])
-        with pytest.raises(InputError, match=r"maps.fits cannot be read as HEALPix .* could not be read"):
+        with pytest.raises(InputError, match=r"maps.fits(: there is no table| cannot be read as HEALPix)"):
             read_maps(path)
 
     def test_an_order_or_a_number_of_pixels_that_is_none(self, maps, path):

@@ -6,11 +6,12 @@ import re
 import stat
 import warnings
 import zlib
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from himap.core.errors import InputError
+from himap.core.errors import InputError, plain_text
 from himap.core.memory import check_room
 
 _LARGEST_TEXT = 1e8  # bytes of a table of numbers in text
@@ -23,6 +24,24 @@ _FORMATS = {  # (first bytes, endings of names)
     "FITS": (b"SIMPLE  =", (".fits", ".fit", ".fits.gz", ".fits.fz")),
     "npy": (b"\x93NUMPY", (".npy",)),
 }
+
+
+@contextmanager
+def reading(path, kind=None):
+    """While `path` is read: every `InputError` names it, and if it is read as a `kind` of file, a text, so is
+    what a library raises for a damaged one."""
+    try:
+        yield
+    except InputError as error:
+        if plain_text(str(path)) in str(error):
+            raise
+        raise InputError(f"{path}: {error}") from None
+    except Exception as error:
+        if kind is None:
+            raise
+        raise InputError(
+            f"{path} cannot be read as {kind} ({type(error).__name__}: {error}). Is it whole?"
+        ) from None
 
 
 def there_is(path):

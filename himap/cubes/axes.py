@@ -4,7 +4,7 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.cubes.layout import is_seen
-from himap.maps.sphere import pixels_last, sphere_sizes
+from himap.maps.sphere import sphere_sizes
 
 _N_FITTED = 3  # numbers of a parabola
 _SMOOTH = 1e-3  # of the power, that it leaves along an axis that looks like frequency
@@ -41,16 +41,17 @@ def named_axes(axes, names):
     return words
 
 
-def pixels_by_axes(maps, axes=None):
-    """Maps of the sphere as (n_channels, n_pix), and remarks: by names of `axes` or else by their sizes."""
+def pixel_axis(shape, axes=None):
+    """Which of the two axes of maps of the sphere is that of pixels, and remarks: by `axes`, or by sizes."""
     if axes is not None:
-        return maps if named_axes(axes, ("freq", "pixel"))[0] == "freq" else maps.T, ()
-    if len(sphere_sizes(maps.shape)) < 2:
-        return pixels_last(maps), ()
-    which = "last" if maps.shape[0] == maps.shape[1] else "longer"
-    return pixels_last(maps), (
-        f"both axes, {maps.shape[0]} and {maps.shape[1]}, could be pixels of a sphere: the {which} one was "
-        "assumed to be (--axes freq,pixel or pixel,freq says it).",
+        return named_axes(axes, ("freq", "pixel")).index("pixel"), ()
+    sizes = sphere_sizes(shape)
+    if len(sizes) < 2:
+        return int(shape[1] in sizes), ()
+    which = "last" if shape[0] == shape[1] else "longer"
+    return int(shape[1] == max(sizes)), (
+        f"both axes, {shape[0]} and {shape[1]}, could be pixels of a sphere: the {which} one was assumed to "
+        "be (--axes freq,pixel or pixel,freq says it).",
     )
 
 

@@ -34,8 +34,6 @@ class Cube:
         RING, or of an image.
     layout
         How it was given, a `himap.cubes.layout.Layout`: what is made of it is given back alike.
-    remarks
-        What was assumed or left out, for the user to read.
     weights
         Of the seen pixels, (n_seen,), or of their voxels, (n_channels, n_seen), 0 where one is missing: there
         maps are 0. None where all are the same.
@@ -45,13 +43,17 @@ class Cube:
     freqs: np.ndarray
     mask: np.ndarray
     layout: Layout
-    remarks: tuple[str, ...] = ()
     weights: np.ndarray | None = None
 
     @property
     def missing(self):
         """Voxels of the seen pixels that are not seen, (n_channels, n_seen) bool, or None if all are."""
         return self.weights == 0 if np.ndim(self.weights) == 2 else None
+
+    @property
+    def remarks(self):
+        """What was assumed or left out, for the user to read, a tuple of sentences."""
+        return self.layout.remarks
 
     @property
     def summary(self):
@@ -107,17 +109,11 @@ class Cube:
             As of `within` and of `himap.cubes.weights.read_mask`.
         """
         mask, layout = read_mask(path, self.layout, rotate=rotate)
-        return self.within(mask)._with(layout)
+        return replace(self, layout=layout).within(mask)
 
     def joined(self, label, frame, spectral_frame=None, **options):
         """The same `Cube` with the frames of others; as of `himap.cubes.layout.Layout.joined`."""
-        return self._with(self.layout.joined(label, frame, spectral_frame, **options))
-
-    def _with(self, layout):
-        """The same with a layout that says more of its file."""
-        return replace(
-            self, layout=layout, remarks=(*self.remarks, *layout.remarks[len(self.layout.remarks) :])
-        )
+        return replace(self, layout=self.layout.joined(label, frame, spectral_frame, **options))
 
     def within(self, mask):
         """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, of its pixels, keeps.
@@ -156,7 +152,7 @@ class Cube:
         maps = self.maps[:, seen]
         if weights is not None:
             weights = checked_weights(weights[..., seen], maps.shape)[1]
-        return replace(self, maps=maps, mask=kept, weights=weights, remarks=(*self.remarks, remark))
+        return replace(self, maps=maps, mask=kept, weights=weights, layout=self.layout.noted(remark))
 
     def channels_of(self, other):
         """The same `Cube` without the channels that the file of `other` has, but `other` has not."""
@@ -181,17 +177,17 @@ class Cube:
             return self
         _, said = theirs.in_frame_of(label, mine.frame, rotate=rotate)
         if None in (mine.frame, theirs.frame) or mine.frame == theirs.frame:
-            return replace(self, remarks=(*self.remarks, *said))
+            return replace(self, layout=self.layout.noted(*said))
         if not self.whole_sky:
             raise InputError(
                 "maps of a part of the sky cannot be rotated by their multipoles: give them in the frame of "
                 f"the cube, {theirs.frame}."
             )
-        layout = replace(self.layout, pixels=replace(mine, frame=theirs.frame))
         maps = sphere.rotate_maps(self.maps, mine.frame, theirs.frame)
         share = maps.var(dtype=np.float64) / self.maps.var(dtype=np.float64)
         said = (*said, f"Its multipoles to l = {3 * self.nside - 1} were, with {share:.1%} of its variance.")
-        return replace(self, maps=maps, layout=layout, remarks=(*self.remarks, *said))
+        layout = replace(self.layout.noted(*said), pixels=replace(mine, frame=theirs.frame))
+        return replace(self, maps=maps, layout=layout)
 
     def on_sphere(self, maps):
         """Maps (n, n_seen) with all pixels, (n, n_pix), 0 where nothing is seen; themselves if all is."""
@@ -231,7 +227,7 @@ def make_cube(maps, layout, *, weights=None):
     weights
         Of its voxels, (n_in_file, n_pix), 0 where missing (`himap.cubes.weights.voxel_weights`).
     """
-    pixels, n_in_file = layout.pixels, len(maps)
+    area, n_in_file = layout.pixels.area, len(maps)
     # float16 ends at 65504, and longer floats take room.
     floats = np.float32 if np.result_type(maps.dtype, np.float32) == np.float32 else np.float64
     if weights is None:
@@ -251,13 +247,13 @@ def make_cube(maps, layout, *, weights=None):
     if floats == np.float64:  # for maps that have these digits and need them
         squares = (np.mean(np.square(maps[place][mask], dtype=np.float64)) for place in channels)
         dtype = precision(factor * np.sqrt(max(squares)))
-    mask = pixels.sorted(mask)
+    mask = layout.in_ring(mask)
     lines = np.empty((len(channels), int(mask.sum())), dtype=dtype)
     for place, out in zip(channels, lines, strict=True):
-        out[:] = pixels.sorted(maps[place].astype(floats, copy=False))[mask] * factor
+        out[:] = layout.in_ring(maps[place].astype(floats, copy=False))[mask] * factor
     if weights is not None:
-        weights = np.array([pixels.sorted(weights[place])[mask] for place in channels])
-    remarks = [*layout.remarks, *_left_out(n_in_file - len(channels), n_in_file, mask, pixels.area, weights)]
+        weights = np.array([layout.in_ring(weights[place])[mask] for place in channels])
+    remarks = _left_out(n_in_file - len(channels), n_in_file, mask, area, weights)
     if weights is None and are_scattered(maps):
         remarks.append(
             "Pixels that some channels miss are masked in all; methods that take weights keep what is seen "
@@ -274,8 +270,7 @@ def make_cube(maps, layout, *, weights=None):
         maps=lines,
         freqs=freqs,
         mask=mask,
-        layout=replace(layout, channels=channels),
-        remarks=(*remarks, *_oddities(lines, freqs)),
+        layout=replace(layout, channels=channels).noted(*remarks, *_oddities(lines, freqs)),
         weights=None if weights is None else checked_weights(weights, weights.shape)[1],
     )
 

@@ -1,6 +1,8 @@
 """Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
 
+import operator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +10,12 @@ import numpy as np
 from himap.core.checks import real_array
 from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
-from himap.core.reading import format_of, mapped_array, read_array, read_numbers, regular_file
+from himap.core.reading import format_of, mapped_array, read_array, read_numbers, reading, regular_file
 from himap.cubes import fits, hdf5
-from himap.cubes.axes import pixels_by_axes, remark_on_axes
+from himap.cubes.axes import pixel_axis, remark_on_axes
 from himap.cubes.cube import are_scattered, make_cube
 from himap.cubes.image_files import check_no_flux
-from himap.cubes.layout import Layout, as_input_error, check_cube_room, naming, same_freqs
+from himap.cubes.layout import Layout, check_cube_room, same_freqs
 from himap.cubes.names import check_names, fits_in, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
 from himap.maps.frames import frame_of, is_nested
@@ -93,11 +95,11 @@ def read_cube(
     """
     weighed = weights is not None or flags is not None
     names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}
-    with naming(path):
+    with reading(path):
         maps, layout = read_file(path, **names, axes=axes, held=_HELD + _HELD_WEIGHTS * weighed)
         layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order, frame=frame)
         if not layout.pixels.whole_sky and axes is None:
-            layout = replace(layout, remarks=(*layout.remarks, *remark_on_axes(maps, layout.pixels)))
+            layout = layout.noted(*remark_on_axes(maps, layout.pixels))
         if weighed:
             weights, layout = voxel_weights(maps, layout, weights=weights, flags=flags, rotate=rotate)
         elif scattered and are_scattered(maps):
@@ -124,7 +126,7 @@ def read_truth(
     Channels that the file of the other, `cube`, has, but `cube` has not, are left out. Maps of the whole sky
     in another frame than that are rotated, if they may be (`rotate`).
     """
-    with naming(path):
+    with reading(path):
         try:
             maps, layout = read_file(path, held=_HELD_TRUTH)
         except InputError:
@@ -147,7 +149,7 @@ def frames_in(path):
     """
     path = fits_in(Path(path))[0][0] if Path(path).is_dir() else regular_file(path)
     form = format_of(path)
-    with as_input_error(path, form):
+    with reading(path, form):
         frames = {"HDF5": hdf5.frames_in_hdf5, "FITS": fits.frames_in_fits}.get(form)
         return (None, None) if frames is None else frames(path)
 
@@ -211,7 +213,8 @@ def read_npy(path, *, axes=None, held=1):
             f"got {maps.dtype} {maps.shape}."
         )
     check_cube_room(path, maps.size, maps.dtype.itemsize, held)
-    maps, remarks = pixels_by_axes(read_array(path), axes)
+    pixels, remarks = pixel_axis(maps.shape, axes)
+    maps = read_array(path) if pixels else read_array(path).T
     return maps, Layout.of_sphere(maps, remarks=remarks)
 
 
@@ -223,15 +226,12 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
     InputError
         What is given contradicts the file, or neither says what is needed.
     """
-    pixels, remarks, freqs_from = layout.pixels, layout.remarks, layout.freqs_from or "what was given"
+    pixels, freqs_from = layout.pixels, layout.freqs_from or "what was given"
     if is_path(freqs):
         freqs, given_from = read_freqs(freqs)
         freqs_from = layout.freqs_from or given_from
     freqs = None if freqs is None else real_array("freqs", freqs).astype(float)
-    if freqs is not None and layout.freqs is not None:
-        same = freqs.shape == layout.freqs.shape and same_freqs(freqs, layout.freqs).all()
-        _check_same(same, path, "list of frequencies", _listed(layout.freqs), _listed(freqs))
-    freqs = layout.freqs if layout.freqs is not None else freqs
+    freqs = _either(path, "list of frequencies", layout.freqs, freqs, same=_same_list, shown=_listed)
     if freqs is None:
         raise InputError(
             f"{path} does not tell its frequencies; give them with freqs= (--freqs FILE), MHz, or name their "
@@ -249,44 +249,42 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
             check_names(layout.names, freqs)
         ends = (f"{layout.names[n]} ({freqs[n]:.10g} MHz)" for n in (0, -1))
         sentence = f"The first of its files is {', the last '.join(ends)}. {unlike_names(layout.names)}"
-        remarks = (sentence.strip(), *remarks)
-    where = _UNIT_IN["image" if not pixels.whole_sky else None if Path(path).is_dir() else format_of(path)]
+        layout = replace(layout, remarks=(sentence.strip(), *layout.remarks))
     if not pixels.whole_sky:
         check_no_flux(path, layout.unit or "")
-    stated = [temperature_unit(one, where=where) for one in (layout.unit, unit) if one is not None]
-    if not stated:
+        for name, value in {"order": order, "frame": frame}.items():
+            if value is not None:
+                raise InputError(f"an image has no {name} of HEALPix pixels; leave --{name} {value} out.")
+    where = "image" if not pixels.whole_sky else None if Path(path).is_dir() else format_of(path)
+    read_unit = partial(temperature_unit, where=_UNIT_IN[where])
+    unit = _either(path, "unit", layout.unit, unit, same=lambda *both: len({*map(read_unit, both)}) == 1)
+    if unit is None:
         raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
-    _check_same(stated[0] == stated[-1], path, "unit", layout.unit, unit)
-    for name, value in {"order": order, "frame": frame}.items():
-        if value is not None and not pixels.whole_sky:
-            raise InputError(f"an image has no {name} of HEALPix pixels; leave --{name} {value} out.")
     if pixels.whole_sky:
-        nested = None if order is None else is_nested(str(order), "order")
-        if pixels.nested is None:
-            pixels = replace(pixels, nested=bool(nested))
-            if order is None:
-                remark = (
-                    "the file does not say the order of its pixels: taken as RING (--order to change it)."
-                )
-                remarks = (*remarks, remark)
-        _check_same(nested in (None, pixels.nested), path, "order", pixels.order, order)
-        pixels = _framed(path, pixels, frame)
-    return replace(layout, pixels=pixels, freqs=freqs, freqs_from=freqs_from, unit=stated[0], remarks=remarks)
+        nested = is_nested(None if order is None else str(order), "order")
+        nested = _either(path, "order", pixels.nested, nested, shown={True: "NESTED", False: "RING"}.get)
+        frame = frame_of(frame, name="the frame of coordinates (--frame)")
+        frame = _either(path, "frame", pixels.frame, frame)
+        if nested is None:
+            layout = layout.noted(
+                "the file does not say the order of its pixels: taken as RING (--order to change it)."
+            )
+        pixels = replace(pixels, nested=bool(nested), frame=frame)
+    return replace(layout, pixels=pixels, freqs=freqs, freqs_from=freqs_from, unit=read_unit(unit))
 
 
-def _framed(path, pixels, frame):
-    """HEALPix pixels in the frame that the caller gives, if any."""
-    given = frame_of(frame, name="the frame of coordinates (--frame)")
-    _check_same(None in (given, pixels.frame) or given == pixels.frame, path, "frame", pixels.frame, frame)
-    return replace(pixels, frame=pixels.frame or given)
-
-
-def _check_same(same, path, what, stated, given):
-    if not same:
+def _either(path, what, stated, given, *, same=operator.eq, shown=str):
+    """What the file states or else the caller gives, None where neither does; both must be the same."""
+    if stated is not None and given is not None and not same(stated, given):
         raise InputError(
-            f"{path}: the file says {stated}, but the {what} given is {given}; leave it out, or mend "
-            "the file."
+            f"{path}: the file says {shown(stated)}, but the {what} given is {shown(given)}; leave it out, "
+            "or mend the file."
         )
+    return given if stated is None else stated
+
+
+def _same_list(first, second):
+    return first.shape == second.shape and same_freqs(first, second).all()
 
 
 def _listed(freqs):

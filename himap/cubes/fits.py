@@ -42,10 +42,15 @@ def read_fits(path, *, axes=None, held=1, logical=False):
             f"{path} has the Stokes parameters of one map ({', '.join(file.names)}), and not a channel in "
             "each column: give a folder with a file for each channel, or name the columns as channels are."
         )
-    stated = stated_freqs(file.names, "the names of its columns") | {"about": _about([file.header])}
-    stated["unit"] = only_value(path, "unit", file.units, file.names)
-    pixels = {"nested": file.nested, "partial": file.partial, "frame": file.frame}
-    return file.maps, Layout.of_sphere(file.maps, **pixels, **stated)
+    return file.maps, Layout.of_sphere(
+        file.maps,
+        nested=file.nested,
+        partial=file.partial,
+        frame=file.frame,
+        unit=only_value(path, "unit", file.units, file.names),
+        about=_about([file.header]),
+        **stated_freqs(file.names, "the names of its columns"),
+    )
 
 
 def frames_in_fits(path):
@@ -77,41 +82,39 @@ def read_folder(folder, *, axes=None, held=1):
     paths, left_out = fits_in(folder)
     if holds_image(paths[0]):
         maps, layout = read_image_fits(paths, axes=axes, held=held)
-        return maps, replace(layout, remarks=(*left_out, *layout.remarks))
+        return maps, layout.noted(*left_out)
     _check_no_axes(folder, axes)
-    files, names = [*_files_of(folder, paths, held)], [path.name for path in paths]
-    n_polarised = sum(file.names in _STOKES for file in files)
+    files, names, n_polarised = [], [path.name for path in paths], 0
+    for path in paths:
+        file = read_maps(path)
+        polarised = file.names in _STOKES
+        file, n_polarised = replace(file, maps=file.maps[: 1 if polarised else None]), n_polarised + polarised
+        n_pix = (files or [file])[0].maps.shape[1]
+        if file.maps.shape != (1, n_pix):
+            raise InputError(
+                f"{path} must hold one map of the size of the others, got {len(file.maps)} of "
+                f"{file.maps.shape[1]} pixels."
+            )
+        if not files:
+            check_cube_room(folder, len(paths) * n_pix, file.maps.dtype.itemsize, held)
+        files.append(replace(file, maps=file.maps.copy()))
 
     def same(what, values):
         return only_value(folder, what, values, names)
 
     in_headers = [freq_in_header(file.header, path) for file, path in zip(files, paths, strict=True)]
-    stated = stated_freqs(names, "the names of its files", in_headers, paths)
-    stated["unit"] = same("unit", [file.units[0] for file in files])
     same("spectral frame", [spectral_frame_of(file.header.get("SPECSYS")) for file in files])
-    stated["about"] = _about([file.header for file in files])
+    same("order of pixels", [{None: "none", True: "NESTED", False: "RING"}[file.nested] for file in files])
     polarised = [f"Stokes Q and U in {n_polarised} of its files are left out."] if n_polarised else []
-    stated |= {"names": tuple(names), "remarks": (*left_out, *polarised)}
-    orders = {None: "none", True: "NESTED", False: "RING"}
-    same("order of pixels", [orders[file.nested] for file in files])
-    pixels = {"nested": files[0].nested, "partial": all(file.partial for file in files)}
-    pixels["frame"] = same("frame of coordinates", [file.frame for file in files])
     maps = np.concatenate([file.maps for file in files])
-    return maps, Layout.of_sphere(maps, **pixels, **stated)
-
-
-def _files_of(folder, paths, held):
-    """The `HealpixFile` of each path, of one map, all of one size."""
-    n_pix = None
-    for path in paths:
-        file = read_maps(path)
-        maps = file.maps[:1].copy() if file.names in _STOKES else file.maps
-        if len(maps) != 1 or n_pix not in (None, maps.shape[1]):
-            raise InputError(
-                f"{path} must hold one map of the size of the others, got {len(maps)} of {maps.shape[1]} "
-                "pixels."
-            )
-        if n_pix is None:
-            n_pix = maps.shape[1]
-            check_cube_room(folder, len(paths) * n_pix, maps.dtype.itemsize, held)
-        yield replace(file, maps=maps)
+    return maps, Layout.of_sphere(
+        maps,
+        nested=files[0].nested,
+        partial=all(file.partial for file in files),
+        frame=same("frame of coordinates", [file.frame for file in files]),
+        unit=same("unit", [file.units[0] for file in files]),
+        about=_about([file.header for file in files]),
+        names=tuple(names),
+        remarks=(*left_out, *polarised),
+        **stated_freqs(names, "the names of its files", in_headers, paths),
+    )

@@ -6,15 +6,14 @@ sphere; `index_map/freq`, a table with a column `centre`, or plain numbers, both
 the names of the polarisations.
 """
 
-from dataclasses import replace
+import math
 
-import h5py
 import numpy as np
 from astropy import units as u
 
 from himap.core.errors import InputError
 from himap.cubes import hdf5_access as access
-from himap.cubes.axes import pixels_by_axes
+from himap.cubes.axes import pixel_axis
 from himap.cubes.hdf5_access import LISTED, MAP
 from himap.cubes.image_files import parts_of_headers
 from himap.cubes.images import HEADERS, ImagePixels
@@ -33,32 +32,32 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
         if HEADERS in file.items:
             return _read_images(file, maps_name, held)
         fitting = [name for name, item in file.arrays.items() if item.ndim == 2 and sphere_sizes(item.shape)]
-        container = maps_name in (None, MAP) and freqs_name is None and file.is_container
-        if container and maps_name is None and fitting:
-            raise InputError(
-                f"{path} is a container with {MAP}, and has {fitting[0]} too; name the one that is meant "
-                "with --maps."
-            )
-        if container and axes is not None:
-            raise InputError(f"{path} is a container, whose axes are known; leave them (--axes) out.")
-        name = MAP if container else maps_name or file.only_one(fitting)
-        item, part = file.get(name, "--maps"), ...
-        if container:
+        if maps_name in (None, MAP) and freqs_name is None and file.is_container:
+            if maps_name is None and fitting:
+                raise InputError(
+                    f"{path} is a container with {MAP}, and has {fitting[0]} too; name the one that is meant "
+                    "with --maps."
+                )
+            if axes is not None:
+                raise InputError(f"{path} is a container, whose axes are known; leave them (--axes) out.")
+            item, pixels = file.get(MAP, "--maps"), 1
             part, stated = _container_axes(file, item)
-        elif item.ndim != 2 or not sphere_sizes(item.shape):
-            raise InputError(
-                f"{name} in {path} must be (n_channels, n_pix) with n_pix = 12 nside^2, got {item.shape}."
-            )
+        else:
+            item, part = file.get(maps_name or file.only_one(fitting), "--maps"), ...
+            if item.ndim != 2 or not sphere_sizes(item.shape):
+                raise InputError(
+                    f"{item.name[1:]} in {path} must be (n_channels, n_pix) with n_pix = 12 nside^2, got "
+                    f"{item.shape}."
+                )
+            pixels, remarks = pixel_axis(item.shape, axes or _axes_of(file, item.shape))
+            stated = {"remarks": remarks, **_freqs_of(file, freqs_name, item.shape[1 - pixels])}
         check_cube_room(path, item.shape[0] * float(item.shape[-1]), item.dtype.itemsize, held)
         file.check_no_mask(item.shape)
-        maps = file.values(name, part)
-        if not container:
-            maps, remarks = pixels_by_axes(maps, axes or _axes_of(file, item.shape))
-            stated = {"remarks": remarks, **_freqs_of(file, freqs_name, len(maps))}
-        stated |= {"unit": file.unit(item), "about": file.about(item)}
-        layout = Layout.of_sphere(maps, file.is_nested(item), frame=file.frame(item), **stated)
+        maps = file.values(item, part)
+        maps = maps if pixels else maps.T
+        layout = Layout.of_sphere(maps, **file.stated(item), **stated)
         file.check_pixels(item, layout.pixels)
-        return maps, replace(layout, remarks=(*layout.remarks, *file.remarks))
+        return maps, layout.noted(*file.remarks)
 
 
 def _read_images(file, name, held):
@@ -72,20 +71,22 @@ def _read_images(file, name, held):
         freqs = np.concatenate([part.freqs for part in pixels.parts])
         stated = {"freqs": freqs, "freqs_from": f"the dataset {HEADERS}"}
     shape = (n_channels, *pixels.shape)
-    name = name or file.only_one([name for name, item in file.arrays.items() if item.shape == shape])
-    item = file.get(name, "--maps")
+    fitting = [name for name, item in file.arrays.items() if item.shape == shape]
+    item = file.get(name or file.only_one(fitting), "--maps")
     if item.shape != shape:
-        raise InputError(f"{name} in {path} must have the shape of its {HEADERS}, {shape}, got {item.shape}.")
-    check_cube_room(path, item.size, item.dtype.itemsize, held)
-    stated |= {"unit": file.unit(item), "about": file.about(item), "remarks": tuple(file.remarks)}
-    return file.values(name).reshape(n_channels, -1), Layout(pixels=pixels, **stated)
+        raise InputError(
+            f"{item.name[1:]} in {path} must have the shape of its {HEADERS}, {shape}, got {item.shape}."
+        )
+    check_cube_room(path, math.prod(shape), item.dtype.itemsize, held)
+    stated |= {key: file.stated(item)[key] for key in ("unit", "about")} | {"remarks": tuple(file.remarks)}
+    return file.values(item).reshape(n_channels, -1), Layout(pixels=pixels, **stated)
 
 
 def read_dataset(path, word, *, held=1):
     """The numbers of the one dataset that is called `word`, in any group, in the shape that they have.
 
-    With them, as beside maps, frequencies, whether pixels are NESTED, their frame and SPECSYS, None where not
-    stated. Raises an InputError where there is none, or several, and as `read_hdf5`.
+    With them what is stated, for `Layout.of_sphere`. Raises an InputError where there is none, or several,
+    and as `read_hdf5`.
     """
     with access.opened(path) as file:
         names = [name for name in (*file.arrays, *file.masks) if access.last_part(name) == word]
@@ -93,18 +94,17 @@ def read_dataset(path, word, *, held=1):
             listing = ", ".join(names[:LISTED]) or file.listing()
             raise InputError(f"{path} must have one dataset called {word}; it has {listing}.")
         item = file.get(names[0])
-        check_cube_room(path, item.size, item.dtype.itemsize, held)
-        values = access.read_stored(item, path) if names[0] in file.masks else file.values(names[0])
-        freqs = _freqs_of(file, None, min(values.shape, default=0)).get("freqs")
-        return values, freqs, file.is_nested(item), file.frame(item), file.about(item).get("SPECSYS")
+        check_cube_room(path, math.prod(item.shape), item.dtype.itemsize, held)
+        values = file.values(item)
+        return values, file.stated(item) | _freqs_of(file, None, min(values.shape, default=0))
 
 
 def frames_in_hdf5(path):
     """The frame and SPECSYS that all arrays of two axes or more in a file state, as `files.frames_in`."""
     with access.opened(path) as file:
-        items = [item for item in file.arrays.values() if item.ndim > 1]
-        stated = [{*map(file.frame, items)}, {file.about(item).get("SPECSYS") for item in items}]
-    return tuple(one.pop() if len(one) == 1 else None for one in stated)
+        stated = [file.stated(item) for item in file.arrays.values() if item.ndim > 1]
+    frames = {one["frame"] for one in stated}, {one["about"].get("SPECSYS") for one in stated}
+    return tuple(one.pop() if len(one) == 1 else None for one in frames)
 
 
 def _axes_of(file, shape):
@@ -162,7 +162,7 @@ def _in_mhz(file, name):
         raise InputError(
             f"the dataset {name} in {file.path} says {stated!r}, which is not the unit of its name."
         )
-    return file.values(name).astype(float) * factor
+    return file.values(file.get(name)).astype(float) * factor
 
 
 def _container_axes(file, maps):
@@ -174,26 +174,21 @@ def _container_axes(file, maps):
             f"{MAP} in {path} must have the axes (freq, pol, pixel) and 12 nside^2 pixels, got {axes} and "
             f"{maps.shape}."
         )
-    for name, length in ((_MAP_POLS, n_pols), (_MAP_FREQS, n_channels)):
+    for name in (_MAP_POLS, _MAP_FREQS):
         if name not in file.items:
             raise InputError(f"{path} has {MAP} (freq, pol, pixel), but no {name} in its own file.")
-        if file.get(name).shape != (length,):
-            raise InputError(f"{name} in {path} must have {length} entries, got {file.get(name).shape}.")
-    pols, table = file.items[_MAP_POLS], file.items[_MAP_FREQS]
-    if not h5py.check_string_dtype(pols.dtype):
-        raise InputError(f"{_MAP_POLS} in {path} must be names of polarisations, got {pols.dtype}.")
-    names = [access.decoded(name) for name in access.read_stored(pols, path)]
-    if names.count("I") != 1:
+    names, freqs = (access.read_stored(file.get(name), path) for name in (_MAP_POLS, _MAP_FREQS))
+    names = [access.decoded(name) for name in names.ravel()]
+    freqs = freqs["centre"] if "centre" in (freqs.dtype.names or ()) else freqs
+    if len(names) != n_pols or names.count("I") != 1:
         raise InputError(
-            f"{_MAP_POLS} in {path} must have I once, got {', '.join(names)}; write the intensity of "
-            "each channel to a dataset of (channels, pixels)."
+            f"{_MAP_POLS} in {path} must be the names of {n_pols} polarisations and have I once, got "
+            f"{', '.join(names)}; write the intensity of each channel to a dataset of (channels, pixels)."
         )
-    freqs = access.read_stored(table, path)
-    freqs = freqs["centre"] if "centre" in (table.dtype.names or ()) else freqs
-    if freqs.dtype.kind not in "fiu":
+    if freqs.shape != (n_channels,) or freqs.dtype.kind not in "fiu":
         raise InputError(
-            f"{_MAP_FREQS} in {path} must be numbers, or a table with a column centre, in MHz; got "
-            f"{table.dtype}."
+            f"{_MAP_FREQS} in {path} must be {n_channels} numbers, or a table with a column centre, in MHz; "
+            f"got {freqs.dtype} {freqs.shape}."
         )
     others = ", ".join(name for name in names if name != "I")
     stated = {"freqs": freqs.astype(float), "freqs_from": f"{_MAP_FREQS} of the container"}

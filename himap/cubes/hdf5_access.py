@@ -7,7 +7,8 @@ import h5py
 import numpy as np
 
 from himap.core.errors import InputError
-from himap.cubes.layout import as_input_error, plain_pairs
+from himap.core.reading import reading
+from himap.cubes.layout import plain_pairs
 from himap.maps.frames import frame_of, is_nested
 from himap.maps.sphere import sphere_sizes
 
@@ -16,7 +17,9 @@ _MISSING, _SCALE, _LIMITS = (  # of netCDF
     ("scale_factor", "add_offset"),
     ("valid_min", "valid_max", "valid_range"),
 )
-_PACKING = (*_MISSING, *_SCALE, *_LIMITS)
+_PACKING = dict.fromkeys((*_MISSING, *_SCALE, *_LIMITS), "a number")  # and what each must be
+_PACKING |= {"valid_range": "two numbers", "scale_factor": "a finite number other than 0"}
+_PACKING |= {"add_offset": "a finite number"}
 
 UNITS = ("unit", "bunit")
 """Attributes with a unit; the names of others follow."""
@@ -44,8 +47,24 @@ _HELD_ELSEWHERE = (11, 13, 35)  # errno of a file that another process locks; ot
 @contextmanager
 def opened(path, aside=()):
     """The `Datasets` of the file called `path`, while it is read."""
-    with as_input_error(path, "HDF5"), open_hdf5(path) as file:
-        yield Datasets(path, file, aside)
+    with reading(path, "HDF5"):
+        try:
+            file = h5py.File(path, "r")
+        except OSError as error:
+            number = re.search(r"unable to lock file, errno = (\d+)", str(error))
+            if number is not None and int(number[1]) not in _HELD_ELSEWHERE:
+                raise InputError(
+                    f"{path} cannot be locked: its drive has no locks. If no program writes to it, set the "
+                    "environment variable HDF5_USE_FILE_LOCKING=FALSE and try again."
+                ) from None
+            if number is not None or "already open for write" in str(error):
+                raise InputError(
+                    f"{path} is open for writing in another program, such as a notebook: close it there "
+                    "(file.close()). After a program that crashed, h5clear -s makes it readable."
+                ) from None
+            raise
+        with file:
+            yield Datasets(path, file, aside)
 
 
 class Datasets:
@@ -73,8 +92,8 @@ class Datasets:
         known = {name: item for name, item in self.items.items() if last_part(name) not in aside}
         self.masks = {name: item for name, item in known.items() if last_part(name) in _MASKS}
         known = {name: item for name, item in known.items() if name not in self.masks}
-        self.arrays = {name: item for name, item in known.items() if has_kind(item, "fiu")}
-        self.complex = {name: item for name, item in known.items() if has_kind(item, "c")}
+        self.arrays = {name: item for name, item in known.items() if _has_kind(item, "fiu")}
+        self.complex = {name: item for name, item in known.items() if _has_kind(item, "c")}
 
     def _add(self, name, item):
         self._n += 1
@@ -120,11 +139,9 @@ class Datasets:
         if "himap" in self.file.attrs and {*_WRITTEN} <= {*fitting}:  # and mixing, of 12 nside^2 channels
             self.remarks.append("the residual of a cleaned cube is read, and not its foreground (--maps).")
             return _WRITTEN[1]
-        if len(fitting) == 1:
-            return fitting[0]
         cubes = [name for name, item in self.complex.items() if item.ndim == 2 and sphere_sizes(item.shape)]
-        if not fitting and len(cubes) == 1:
-            self.get(cubes[0], "--maps")  # which says what to do
+        if len(fitting or cubes) == 1:
+            return (fitting or cubes)[0]  # of complex numbers `get` says what to do
         more = ", ..." if len(fitting) > LISTED else ""
         listing = f"{len(fitting)} are: {', '.join(fitting[:LISTED])}{more}"
         raise InputError(
@@ -156,8 +173,9 @@ class Datasets:
         nside = self.text(*_NSIDES, of=item)
         if nside not in (None, f"{pixels.nside}", f"{pixels.nside}.0"):
             raise InputError(f"{self.path} says nside {nside}, and {item.name[1:]} has {pixels}.")
-        for name in (name for name, one in self.arrays.items() if one.shape == pixels.shape):
-            if last_part(name) in _PIXELS and (self.values(name) != np.arange(*pixels.shape)).any():
+        for name, one in self.arrays.items():
+            numbers = one.shape == pixels.shape and last_part(name) in _PIXELS
+            if numbers and (self.values(self.get(name)) != np.arange(*pixels.shape)).any():
                 raise InputError(
                     f"{self.path} has pixels in an order of its own, {name}: write the maps in that of all "
                     "pixels from 0 on, and delete that dataset."
@@ -175,28 +193,24 @@ class Datasets:
         named = [self.items.get(f"{group}/{mapping}".strip("/")) for group in (*groups, "")]
         return [item, *filter(None, named), *(self.file[group] for group in groups), self.file]
 
-    def unit(self, item):
-        """That of the numbers of a dataset, as text."""
-        return self.text(*UNITS, of=item)
+    def stated(self, item):
+        """What the attributes of a dataset, and around it, say of it, for `Layout.of_sphere`, a dict."""
+        pairs = {}
+        for place in reversed(self._places(item)):  # what is closer to the dataset counts
+            pairs |= {name: _plain_value(place, name) for name in place.attrs}
+        spectral_frame = self.text(*_SPECTRAL, of=item)
+        about = plain_pairs(pairs, _STRUCTURE) | ({"SPECSYS": spectral_frame} if spectral_frame else {})
+        stated = {"unit": self.text(*UNITS, of=item), "about": about}
+        return stated | {"nested": self._is_nested(item), "frame": self._frame(item)}
 
-    def frame(self, item):
-        """That of the coordinates of a dataset, as of `himap.maps.frames.frame_of`."""
+    def _frame(self, item):
         name = f"the frame of coordinates (an attribute of {self.path})"
         stated = frame_of(self.text(*_FRAMES, of=item), name=name)
         with suppress(InputError):  # netCDF lists other datasets there
             return stated or frame_of(self.text("coordinate", of=item))
         return None
 
-    def about(self, item):
-        """What else attributes say, for `Layout.about`; what is closer to the dataset counts."""
-        pairs = {}
-        for place in reversed(self._places(item)):
-            pairs |= {name: plain_value(place, name) for name in place.attrs}
-        frame = self.text(*_SPECTRAL, of=item)
-        return plain_pairs(pairs, _STRUCTURE) | ({"SPECSYS": frame} if frame else {})
-
-    def is_nested(self, item):
-        """Whether the pixels of a dataset are in NESTED order, None where nothing says it."""
+    def _is_nested(self, item):
         order, nested = self.text(*_ORDERS, of=item), self.text(*_NESTED, of=item)
         words = {"True": "NESTED", "1": "NESTED", "False": "RING", "0": "RING"}
         stated = {is_nested(word) for word in (order, words.get(nested, nested)) if word is not None}
@@ -204,10 +218,8 @@ class Datasets:
             raise InputError(f"{self.path} says two orders of pixels, {order} and {nested}; delete one.")
         return next(iter(stated), None)
 
-    def values(self, name, part=...):
-        """The numbers of (a part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with
-        an offset."""
-        item = self.get(name)
+    def values(self, item, part=...):
+        """(A part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with an offset."""
         unsigned = str(self.text("_unsigned", of=item)).lower() == "true"
         return _unpacked(item, self.path, read_stored(item, self.path, part), unsigned)
 
@@ -215,25 +227,6 @@ class Datasets:
 def last_part(name):
     """The name of a dataset without its groups, in small letters."""
     return name.rpartition("/")[2].lower()
-
-
-def open_hdf5(path):
-    """The open file called `path`; InputError with the way out where it is locked."""
-    try:
-        return h5py.File(path, "r")
-    except OSError as error:
-        number = re.search(r"unable to lock file, errno = (\d+)", str(error))
-        if number is None and "already open for write" not in str(error):
-            raise
-        if number is not None and int(number[1]) not in _HELD_ELSEWHERE:
-            raise InputError(
-                f"{path} cannot be locked: its drive has no locks. If no program writes to it, set the "
-                "environment variable HDF5_USE_FILE_LOCKING=FALSE and try again."
-            ) from None
-        raise InputError(
-            f"{path} is open for writing in another program, such as a notebook: close it there "
-            "(file.close()). After a program that crashed, h5clear -s makes it readable."
-        ) from None
 
 
 def read_stored(item, path, part=...):
@@ -259,50 +252,37 @@ def read_stored(item, path, part=...):
 
 
 def _unpacked(item, path, stored, unsigned):
-    """The numbers `stored` of a dataset by the conventions of netCDF: NaN where missing, scaled, shifted.
-
-    `unsigned` says whether its integers are, though their type is not.
-    """
-    label = f"{item.name[1:]} in {path}"
-    stated = {key: _numbers(item, key, f"{key} of {label}") for key in _PACKING}
-    for key, numbers in stated.items():
-        n_right = {"valid_range": 2, "missing_value": numbers.size}.get(key, 1)
-        if numbers.size not in (0, n_right) or (key in _SCALE and not np.isfinite(numbers).all()):
-            how_many = "two numbers" if n_right == 2 else "one number"
-            raise InputError(f"{key} of {label} must be {how_many}, got {numbers}.")
-    scale, offset = (next(iter(stated[key]), None) for key in _SCALE)
-    if scale == 0:
-        raise InputError(f"scale_factor of {label} must be a number other than 0, got 0.")
+    """The numbers `stored` of a dataset; `unsigned` says whether its integers are, though not by type."""
+    numbers = {}
+    for key, right in _PACKING.items():
+        numbers[key] = np.ravel(item.attrs[key]) if key in item.attrs else np.empty(0)
+        n_right = {"valid_range": 2, "missing_value": max(1, numbers[key].size)}.get(key, 1)
+        if key in item.attrs and (
+            numbers[key].dtype.kind not in "fiu"
+            or numbers[key].size != n_right
+            or (key in _SCALE and not np.isfinite(numbers[key]).all())
+            or (key == "scale_factor" and not numbers[key].all())
+        ):
+            raise InputError(f"{key} of {item.name[1:]} in {path} must be {right}, got {item.attrs[key]!r}.")
     if unsigned and stored.dtype.kind == "i":
         stored = stored.view(f"{stored.dtype.byteorder}u{stored.dtype.itemsize}")
-    if not any(numbers.size for numbers in stated.values()):
+    if not any(values.size for values in numbers.values()):
         return stored
     values = stored.astype(np.result_type(stored.dtype, np.float32))
-    for value in (value for key in _MISSING for value in stated[key]):
+    for value in (value for key in _MISSING for value in numbers[key]):
         values[stored == (stored.dtype.type(value) if stored.dtype.kind == "f" else value)] = np.nan
-    for low in (*stated["valid_range"][:1], *stated["valid_min"]):
+    for low in (*numbers["valid_range"][:1], *numbers["valid_min"]):
         values[stored < low] = np.nan
-    for high in (*stated["valid_range"][1:], *stated["valid_max"]):
+    for high in (*numbers["valid_range"][1:], *numbers["valid_max"]):
         values[stored > high] = np.nan
-    values *= values.dtype.type(1 if scale is None else scale)
-    values += values.dtype.type(0 if offset is None else offset)
+    for scale in numbers["scale_factor"]:
+        values *= values.dtype.type(scale)
+    for offset in numbers["add_offset"]:
+        values += values.dtype.type(offset)
     return values
 
 
-def _numbers(item, key, label):
-    """The attribute `key` of a dataset, (n,), empty where there is none."""
-    if key not in item.attrs:
-        return np.empty(0)
-    try:
-        value = np.asarray(item.attrs[key])
-    except TypeError:
-        value = np.empty(0)
-    if not value.size or value.dtype.kind not in "fiu":
-        raise InputError(f"{label} must be a number, got {item.attrs[key]!r}.")
-    return value.ravel()
-
-
-def has_kind(item, kinds):
+def _has_kind(item, kinds):
     """Whether a dataset has numbers of one of these kinds, letters as of numpy."""
     try:
         return item.dtype.kind in kinds and item.shape is not None
@@ -338,7 +318,7 @@ def decoded(value):
         return value.decode("latin-1")
 
 
-def plain_value(item, name):
+def _plain_value(item, name):
     """An attribute as text or a number, None if it is something else."""
     try:
         value = item.attrs[name]

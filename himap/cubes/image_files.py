@@ -15,9 +15,10 @@ from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
+from himap.core.reading import reading
 from himap.cubes.axes import check_world_axes, turn_of
 from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, image_name, world_of
-from himap.cubes.layout import Layout, as_input_error, check_cube_room, only_value
+from himap.cubes.layout import Layout, check_cube_room, only_value
 from himap.cubes.names import stated_freqs
 from himap.maps.frames import spectral_frame_of
 from himap.maps.healpix_io import card_text, freq_in_header
@@ -104,8 +105,7 @@ def _freqs_of_images(parts):
 
 def _read(path, read):
     """``read(file)`` of an open FITS file; what astropy raises as an error of the input."""
-    kind = "an image cube in FITS"
-    with as_input_error(path, kind), _quiet(), fits.open(path, memmap=False) as file:
+    with reading(path, "an image cube in FITS"), _quiet(), fits.open(path, memmap=False) as file:
         return read(file)
 
 

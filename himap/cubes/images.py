@@ -1,13 +1,15 @@
 """Images in the plane with world coordinates (WCS): their pixels, and how a FITS file has them."""
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+from astropy.coordinates import angular_separation
 from astropy.io import fits
-from astropy.wcs import WCS, WcsError
+from astropy.wcs import WCS, NoConvergence, WcsError
 
 from himap.core.errors import InputError
 from himap.cubes.layout import OURS
@@ -22,7 +24,7 @@ HEADERS = "headers"
 
 _STALE = ("BSCALE", "BZERO", "BLANK", "DATAMIN", "DATAMAX", "CHECKSUM", "DATASUM")
 _FREQ = re.compile("^(FREQUENCY|FREQ-(BAR|CMB|GAL|GEO|HEL|LGR|LSD|LSR|OBS|REST|SOU|SYS|TOP))$")
-_SAME = 1e-6  # of a pixel, or degrees: world coordinates that are written twice are the same
+_SAME = 1e-6  # of a pixel, or a step: coordinates that are written twice are the same
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,12 +157,6 @@ class ImagePixels:
             "package reproject does."
         )
 
-    def sorted(self, pixels):
-        return pixels
-
-    def as_given(self, pixels):
-        return pixels
-
     def by_channel(self, label, values):
         """Numbers of an image (n_y, n_x), or of one for each channel, as (n_channels or 1, n_pix)."""
         if values.ndim not in (2, 3) or values.shape[-2:] != self.shape:
@@ -180,36 +176,19 @@ class ImagePixels:
         return f"images in {unit}, {self} of {columns:.3g} x {rows:.3g} deg"
 
     def same(self, other):
-        return (
-            isinstance(other, ImagePixels) and self.shape == other.shape and self._same_sky(other.celestial)
-        )
-
-    def _same_sky(self, celestial):
-        """Whether two axes of the sky are these."""
-        both = self.celestial, celestial
-        names, others = ([*map(str, one.wcs.ctype), _frame_of(one)] for one in both)
-        if names != others or self.celestial.wcs.get_pv() != celestial.wcs.get_pv():
+        """Whether other pixels lie where these do: at the corners, the edges and the middle of the image."""
+        if not isinstance(other, ImagePixels) or self.shape != other.shape:
             return False
-        scale = np.abs(self.celestial.pixel_scale_matrix).max()
-        mine, theirs = (
-            np.concatenate(
-                [
-                    one.pixel_scale_matrix.ravel() / scale,
-                    one.wcs.crpix,
-                    one.wcs.crval / scale,
-                    [one.wcs.lonpole, one.wcs.latpole],
-                ]
-            )
-            for one in both
-        )
-        return np.allclose(mine, theirs, rtol=0, atol=_SAME)
+        names, others = ([*map(str, one.celestial.wcs.ctype), one.frame] for one in (self, other))
+        x, y = (axis.ravel() for axis in np.meshgrid(*(np.linspace(0, n - 1, 3) for n in self.shape[::-1])))
+        places = other.celestial.all_pix2world(x, y, 0)
+        with suppress(NoConvergence):
+            again = self.celestial.all_world2pix(*places, 0)
+            return names == others and np.allclose(again, [x, y], rtol=0, atol=_SAME, equal_nan=True)
+        return False
 
-    def attributes(self):
-        axes = "frequency, then those of the sky as in numpy"
-        return {"axes": axes, "wcs": self.celestial.to_header_string()}
-
-    def datasets(self, layout):
-        """What else HDF5 keeps of them: the header of each image, as FITS would have it."""
+    def in_hdf5(self, layout):
+        """As of `SpherePixels`; the datasets have the header of each image, as FITS would have it."""
         empty = np.broadcast_to(np.float32(0), (len(layout.freqs), *self.shape))
         headers = [hdu.header for hdu in self._hdus(empty, layout, fits.PrimaryHDU)]
         for header in headers:
@@ -217,7 +196,9 @@ class ImagePixels:
                 header[key] = ""  # whose table is not there: frequencies are
                 for card in [*header[f"PS{key[5:]}_*"], *header[f"PV{key[5:]}_*"]]:
                     del header[card]
-        return {HEADERS: [header.tostring() for header in headers]}
+        axes = "frequency, then those of the sky as in numpy"
+        attributes = {"axes": axes, "wcs": self.celestial.to_header_string()}
+        return attributes, {HEADERS: [header.tostring() for header in headers]}
 
     def write(self, path, maps, layout, *, name, cards):
         first = [fits.PrimaryHDU()] if len(self.parts) > 1 else []
@@ -239,12 +220,10 @@ class ImagePixels:
     def pixel_angles(self):
         """Height and width of the pixel in the middle of the image, rad."""
         middle = (np.array(self.shape[::-1]) - 1) / 2
-        steps = np.array([[0, -0.5], [0, 0.5], [-0.5, 0], [0.5, 0]])
+        steps = np.array([[0, -0.5], [-0.5, 0], [0, 0.5], [0.5, 0]])
         world = self.celestial.all_pix2world(middle + steps, 0)
         lon, lat = np.deg2rad(world[:, [self.celestial.wcs.lng, self.celestial.wcs.lat]].T)
-        unit = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=1)
-        chords = np.linalg.norm(unit[1::2] - unit[::2], axis=1)
-        return 2 * np.arcsin(chords / 2)
+        return angular_separation(lon[:2], lat[:2], lon[2:], lat[2:])
 
 
 def image_name(path, index, header):

@@ -1,14 +1,12 @@
 """How a file has a cube: what it states of channels, units and pixels; and what all readers share."""
 
 import re
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
-from himap.core.checks import real_array
-from himap.core.errors import InputError, plain_text
+from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
 from himap.maps import sphere
 from himap.maps.frames import FRAMES, frame_name, spectral_frame_of
@@ -61,14 +59,6 @@ class SpherePixels:
     def order(self):
         """Of the file: "RING" or "NESTED"."""
         return "NESTED" if self.nested else "RING"
-
-    def sorted(self, pixels):
-        """A map as in the file, (n_pix,), in the order of the cube."""
-        return to_ring(pixels) if self.nested else pixels
-
-    def as_given(self, pixels):
-        """A map of the cube, (n_pix,), in the order of the file."""
-        return pixels[sphere.nest_to_ring(self.nside)] if self.nested else pixels
 
     def by_channel(self, label, values):
         """Numbers of pixels, or of voxels in any order of these two axes, as (n_channels or 1, n_pix)."""
@@ -127,19 +117,9 @@ class SpherePixels:
             )
         return self, (f"{label}: rotated, {theirs} to {mine}.",)
 
-    def rotated(self, pixels, frame):
-        """Pixels (n_pix,), RING, of another frame as ones of this one; each takes the value where it lies."""
-        if None in (frame, self.frame) or frame == self.frame:
-            return pixels
-        return pixels[sphere.pixels_in_frame(self.nside, self.frame, frame)]
-
-    def attributes(self):
-        """What HDF5 keeps of them, {name: text}."""
-        return {"ordering": self.order} | ({"coordsys": self.frame} if self.frame else {})
-
-    def datasets(self, layout):
-        """What else HDF5 keeps of them, {name: numbers or texts}."""
-        return {}
+    def in_hdf5(self, layout):
+        """What HDF5 keeps of them, attributes {name: text}, and datasets {name: texts}."""
+        return {"ordering": self.order} | ({"coordsys": self.frame} if self.frame else {}), {}
 
     def write(self, path, maps, layout, *, name, cards):
         """Write maps of `Layout.as_given` as FITS; `name` says what they are, `cards` go into the header."""
@@ -206,6 +186,10 @@ class Layout:
         texts = ((key.upper(), value) for key, value in self.about.items() if _KEY.fullmatch(key))
         return [(key, value) for key, value in texts if not isinstance(value, str) or _TEXT.fullmatch(value)]
 
+    def noted(self, *remarks):
+        """The same with more remarks."""
+        return replace(self, remarks=(*self.remarks, *remarks))
+
     def joined(self, label, frame, spectral_frame=None, **options):
         """The same with the frames of others, which belong to it, where it states none, and remarks.
 
@@ -222,7 +206,15 @@ class Layout:
         if mine is None and theirs is not None:
             about = about | {"SPECSYS": theirs}
             said = (*said, f"the cube does not state its spectral frame: taken as that of {label}, {theirs}.")
-        return replace(self, pixels=pixels, about=about, remarks=(*self.remarks, *said))
+        return replace(self, pixels=pixels, about=about).noted(*said)
+
+    def in_ring(self, pixels):
+        """A map as in the file, (n_pix,), in the order of a `Cube`."""
+        return to_ring(pixels) if self.pixels.nested else pixels
+
+    def in_own_order(self, pixels):
+        """A map of a `Cube`, (n_pix,), in the order of the file."""
+        return pixels[sphere.nest_to_ring(self.pixels.nside)] if self.pixels.nested else pixels
 
     def as_given(self, maps, mask):
         """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
@@ -230,32 +222,8 @@ class Layout:
         full_map = np.full(len(mask), np.nan, dtype=maps.dtype)
         for place, pixels in zip(self.channels, maps, strict=True):
             full_map[mask] = pixels / MILLIKELVIN[self.unit]
-            out[place] = self.pixels.as_given(full_map)
+            out[place] = self.in_own_order(full_map)
         return out.reshape(-1, *self.pixels.shape)
-
-
-@contextmanager
-def naming(path):
-    """While a cube is read from `path`: every error of the input names it."""
-    try:
-        yield
-    except InputError as error:
-        if plain_text(str(path)) in str(error):
-            raise
-        raise InputError(f"{path}: {error}") from None
-
-
-@contextmanager
-def as_input_error(path, kind):
-    """While `path` is read as `kind`: what a library raises for a damaged file is an InputError."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(
-            f"{path} cannot be read as {kind} ({type(error).__name__}: {error}). Is it whole?"
-        ) from None
 
 
 def is_seen(pixels):
@@ -266,13 +234,6 @@ def is_seen(pixels):
 def same_freqs(first, second):
     """Which frequencies are the same but for their rounding, of two arrays that fit each other."""
     return np.isclose(first, second, rtol=_ROUNDING, atol=0)
-
-
-def by_channel(label, values, pixels):
-    """Real numbers, or True as 1, of these pixels, (n_channels or 1, n_pix); errors call them `label`."""
-    values = np.asarray(values)
-    values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
-    return pixels.by_channel(label, values)
 
 
 def plain_pairs(pairs, left_out=()):

@@ -1,8 +1,7 @@
 """How far the residual of a cube depends on the beam that is assumed, without the truth."""
 
-from dataclasses import dataclass
-
 import numpy as np
+import pandas as pd
 
 from himap.core.errors import InputError
 from himap.core.progress import progress
@@ -23,39 +22,8 @@ WIDTHS, RIPPLES = (-1e-2, -1e-3, 1e-3, 1e-2), (1e-5, 1e-4, 1e-3)
 _FAR = np.log(2)  # a ratio that is shown on a logarithmic axis
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sensitivity:
-    """How the power of the residual changes if another beam is assumed.
-
-    Attributes
-    ----------
-    beam
-        The `PerturbedBeam` beam.
-    ratios
-        {band: power with that beam over power with the one that was assumed}, such as "C/C0, 10-19".
-    """
-
-    beam: PerturbedBeam
-    ratios: dict[str, float]
-
-    @property
-    def kind(self):
-        """What is wrong: "width" or "ripple"."""
-        return "width" if self.beam.width else "ripple"
-
-    @property
-    def error(self):
-        """By how much, relative to the FWHM."""
-        return self.beam.width or self.beam.ripple
-
-    @property
-    def furthest(self):
-        """(band, ratio) that is furthest from 1."""
-        return max(self.ratios.items(), key=lambda item: abs(np.log(max(item[1], np.finfo(float).tiny))))
-
-
 def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20.0, dish=None):
-    """How the residual of a cleaned cube changes if another beam is assumed, a list of `Sensitivity`.
+    """How the residual of a cleaned cube changes if another beam is assumed.
 
     The truth is not needed: where the power of the residual depends on an error of the beam that cannot be
     excluded, there is foreground in it or HI is lost.
@@ -71,6 +39,12 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
     ripples, period
         Relative amplitudes of an error that oscillates with frequency, and its period in MHz.
 
+    Returns
+    -------
+    DataFrame
+        A row for each beam, by `kind` ("width" or "ripple") and `error` (relative to the FWHM); a column for
+        each band, such as "C/C0, 10-19", of power with that beam over power with the one that was assumed.
+
     Raises
     ------
     InputError
@@ -83,13 +57,12 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
     known = [(one, beams_of(cube, one, dish=dish)) for one in assumed]  # fails now
     alms = alms_of(cube, cleaned.residual, cleaned.separation.lmax)
     faint = FAINT * float(cleaned.residual.var(axis=1, dtype=np.float64).sum())
-    sensitivities = []
+    ratios = {}
     for one, beams in progress(known, "beams"):
         other = cleaned.with_beams(beams).separation
         found = mock_power_of_change(cube, alms, cleaned.separation, other, faint)
-        ratios = {band: float(mean) for band, mean in found.band_means().items()}
-        sensitivities.append(Sensitivity(beam=one, ratios=ratios))
-    return sensitivities
+        ratios["width" if one.width else "ripple", one.width or one.ripple] = found.band_means()
+    return pd.DataFrame(ratios).T.astype(float).rename_axis(["kind", "error"])
 
 
 def perturbed_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
@@ -102,13 +75,14 @@ def perturbed_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
     return assumed
 
 
-def sensitivity_table(sensitivity):
-    """A `Table` with a line for each `Sensitivity` of a list."""
-    rows = []
-    for one in sensitivity:
-        band, ratio = one.furthest
-        wrong = "FWHM of all channels" if one.kind == "width" else f"ripple of {one.beam.period:g} MHz"
-        rows.append((wrong, f"{100 * one.error:+.3g} %", f"{ratio:.4g}", plain_band(band)))
+def sensitivity_table(sensitivity, period=20.0):
+    """A `Table` with a line for each beam of `beam_sensitivity`: the band whose ratio is furthest from 1."""
+    far = np.log(sensitivity.clip(lower=np.finfo(float).tiny)).abs().idxmax(axis=1)
+    wrong = {"width": "FWHM of all channels", "ripple": f"ripple of {period:g} MHz"}
+    rows = [
+        (wrong[kind], f"{100 * error:+.3g} %", f"{ratios[band]:.4g}", plain_band(band))
+        for ((kind, error), ratios), band in zip(sensitivity.iterrows(), far, strict=True)
+    ]
     return Table(("what is wrong", "by", "furthest from 1", "in the band"), rows, align="lrrl")
 
 
@@ -116,23 +90,22 @@ def sensitivity_figure(sensitivity):
     """The ratios of all bands for each error of the beam: one panel for each kind."""
     panels = []
     for kind, title in {"width": "error of the FWHM [%]", "ripple": "ripple of the FWHM [%]"}.items():
-        several = sorted((one for one in sensitivity if one.kind == kind), key=lambda one: one.error)
-        if not several:
+        if kind not in sensitivity.index:
             continue
+        several = sensitivity.loc[kind].sort_index()
         at = range(len(several))
-        looks = styles.sequence(list(map(plain_band, several[0].ratios)))
+        looks = styles.sequence(list(map(plain_band, several)))
         curves = [((-0.5, len(several) - 0.5), (level, level), {"color": "0.75"}) for level in (0.99, 1.01)]
         curves += [
-            (at, [one.ratios[band] for one in several], look | {"marker": "o", "markersize": 3})
-            for band, look in zip(several[0].ratios, looks, strict=True)
+            (at, several[band], look | {"marker": "o", "markersize": 3})
+            for band, look in zip(several, looks, strict=True)
         ]
-        furthest = max(abs(np.log(ratio)) for one in several for ratio in one.ratios.values())
         panels.append(
             {
                 "curves": curves,
-                "yscale": "log" if furthest > _FAR else "linear",
+                "yscale": "log" if np.log(several).abs().max(axis=None) > _FAR else "linear",
                 "xticks": at,
-                "xticklabels": [f"{100 * one.error:+.3g}" for one in several],
+                "xticklabels": [f"{100 * error:+.3g}" for error in several.index],
                 "xlabel": title,
                 "ylabel": "power over that with the beam as believed",
                 "legend": {"fontsize": 7, "ncols": 2},
@@ -141,13 +114,13 @@ def sensitivity_figure(sensitivity):
     return plotting.lines(panels, size=(4.8, 3.8))
 
 
-def write_sensitivity(sensitivity, path, *, said=()):
-    """Write a page with the table and the figure of a list of `Sensitivity`, and what was assumed."""
+def write_sensitivity(sensitivity, path, *, period=20.0, said=()):
+    """Write a page with the table and the figure of `beam_sensitivity`, and what was assumed."""
     text = (
         "The power of the residual if the beam differs from the assumed one, over that if it does not, in "
         "bands of l and k. Where it leaves the grey lines, 1 % off, for an error that cannot be "
         "excluded, know the beam better or remove one source more."
     )
     picture = figure(sensitivity_figure(sensitivity), "Power of the residual for other beams", text)
-    parts = [sensitivity_table(sensitivity), picture]
+    parts = [sensitivity_table(sensitivity, period), picture]
     write_page(path, "How much depends on the beam?", parts, said=said)

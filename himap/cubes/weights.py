@@ -1,13 +1,16 @@
 """Weights, flags and masks of a cube, from arrays and files, in the layout of the cube's own file."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 
+from himap.core.checks import real_array
 from himap.core.errors import InputError
 from himap.core.reading import format_of, mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5
-from himap.cubes.layout import by_channel, check_cube_room, is_seen, same_freqs
+from himap.cubes.layout import Layout, check_cube_room, is_seen, same_freqs
+from himap.maps import sphere
 from himap.maps.healpix_io import to_ring
 
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
@@ -19,6 +22,7 @@ _RIGHT = {  # what is right in them, and how that is said
     ),
     "mask": (lambda v: (v == 0) | (v == 1), "1 where kept and 0 elsewhere, such as mask > 0.5"),
 }
+_UNSEEN = {"weights": 0.0, "flags": 1.0, "mask": 0.0}  # what is NaN, or UNSEEN, in FITS: bad, of no weight
 
 
 def is_path(given):
@@ -63,10 +67,9 @@ def voxel_weights(maps, layout, *, weights=None, flags=None, rotate=False):
     """
     out = np.ones(maps.shape)
     for word, given in {"weights": weights, "flags": flags}.items():
-        if given is None:
-            continue
-        values, layout = _values(given, word, layout, maps.shape, rotate)
-        out *= values if word == "weights" else values == 0
+        if given is not None:
+            values, layout = _values(given, word, layout, maps.shape, rotate)
+            out *= values if word == "weights" else values == 0
     for row, pixels in zip(out, maps, strict=True):
         row[~is_seen(pixels)] = 0
     return out, layout
@@ -86,17 +89,16 @@ def read_mask(path, layout, *, rotate=False):
         frame without `rotate`.
     """
     values, layout = _values(path, "mask", layout, (1, int(np.prod(layout.pixels.shape))), rotate)
-    return layout.pixels.sorted(values[0] > 0), layout
+    return layout.in_ring(values[0] > 0), layout
 
 
 def _values(given, word, layout, shape, rotate):
     """Checked numbers (n_channels or 1, n_pix) in the order of the cube, of an array or path; the layout."""
-    label, frame, spectral_frame = f"the {word}", layout.pixels.frame, None
+    label, own = f"the {word} {given}" if is_path(given) else f"the {word}", layout.pixels
     if is_path(given):
-        label = f"the {word} {given}"
-        values, freqs, nested, frame, spectral_frame = _read(given, word, layout.pixels)
+        values, theirs = _read(given, word, layout)
     else:
-        values, freqs, nested = by_channel(label, given, layout.pixels), None, None
+        values, theirs = _by_channel(label, given, own), Layout(pixels=own)
     if values.shape not in ((1, shape[1]), shape):
         voxels = f", or of its voxels, {shape}, all channels in its file included"
         raise InputError(
@@ -107,46 +109,48 @@ def _values(given, word, layout, shape, rotate):
     n_bad = sum(np.count_nonzero(~is_right(row)) for row in values)
     if n_bad:
         raise InputError(f"{label} must be {right}; {n_bad} are not.")
-    if len(values) > 1 and freqs is not None and not same_freqs(freqs, layout.freqs).all():
+    if len(values) > 1 and theirs.freqs is not None and not same_freqs(theirs.freqs, layout.freqs).all():
         raise InputError(f"{label} must have the channels of the cube in the order of its own file.")
-    layout = layout.joined(label, frame, spectral_frame, rotate=rotate)
-    if (nested is None or nested == layout.pixels.nested) and frame in (None, layout.pixels.frame):
+    nested, frame = theirs.pixels.nested, theirs.pixels.frame
+    layout = layout.joined(label, frame, theirs.spectral_frame, rotate=rotate)
+    if nested == own.nested and frame in (None, layout.pixels.frame):
         return values, layout
-    pixels = layout.pixels
-    in_ring = (to_ring(row) if nested or (nested is None and pixels.nested) else row for row in values)
-    return np.array([pixels.as_given(pixels.rotated(row, frame)) for row in in_ring]), layout
+    rows = [to_ring(row) if nested else row for row in values]
+    if frame not in (None, layout.pixels.frame):  # each pixel takes the value where it lies
+        rows = [row[sphere.pixels_in_frame(own.nside, layout.pixels.frame, frame)] for row in rows]
+    return np.array([layout.in_own_order(row) for row in rows]), layout
 
 
-def _read(path, word, pixels):
-    """Numbers (n_channels or 1, n_pix) of a file, and what it states: frequencies, NESTED, both frames."""
-    file, label, on_sphere = regular_file(path, f"file of {word}"), f"the {word} {path}", pixels.whole_sky
-    form, freqs, nested, frame, spectral_frame = format_of(file), None, None, pixels.frame, None
+def _by_channel(label, values, pixels):
+    """Real numbers, or True as 1, of these pixels, (n_channels or 1, n_pix); errors call them `label`."""
+    values = np.asarray(values)
+    values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
+    return pixels.by_channel(label, values)
+
+
+def _read(path, word, layout):
+    """Numbers (n_channels or 1, n_pix) of a file, and its own `Layout`."""
+    label, own, form = f"the {word} {path}", layout.pixels, format_of(regular_file(path, f"file of {word}"))
+    in_hdf5 = own.whole_sky and word != "mask"  # nobody knows what a mask means there
     if form == "npy":
         mapped = mapped_array(path)
         check_cube_room(path, mapped.size, mapped.dtype.itemsize, _HELD)
-        values = by_channel(label, read_array(path), pixels)
-        values = np.nan_to_num(values) if word == "mask" else values
-        return values, freqs, nested, frame, spectral_frame
-    in_hdf5 = on_sphere and word != "mask"  # whose meaning, kept or bad, is not known there
+        values, theirs = _by_channel(label, read_array(path), own), Layout(pixels=own)
+        return np.nan_to_num(values) if word == "mask" else values, theirs
     if in_hdf5 and form == "HDF5":
-        values, *stated = hdf5.read_dataset(path, word, held=_HELD)
-        return by_channel(f"{word} in {path}", values, pixels), *stated
+        values, stated = hdf5.read_dataset(path, word, held=_HELD)
+        values = _by_channel(f"{word} in {path}", values, own)
+        nested = own.nested if stated["nested"] is None else stated["nested"]
+        return values, Layout.of_sphere(values, **stated | {"nested": nested})
     if form != "FITS":
-        whose = "" if on_sphere else " of a cube of images"
+        whose = "" if own.whole_sky else " of a cube of images"
         raise InputError(f"{label}{whose} must be a {'.h5, ' * in_hdf5}.fits or .npy file.")
-    if on_sphere:
-        maps, layout = fits.read_fits(file, held=_HELD, logical=True)
-        freqs, nested, frame = layout.freqs, layout.pixels.nested, layout.pixels.frame
-        spectral_frame = layout.spectral_frame
-        if nested is None:
-            raise InputError(f"{label} must say ORDERING = RING or NESTED; write it with healpy.write_map.")
-    else:
-        maps, layout = fits.read_image_fits([file], held=_HELD)
-        freqs, spectral_frame = layout.freqs, layout.spectral_frame
-        if not pixels.same(layout.pixels):
-            raise InputError(
-                f"{label} must have the axes of the sky of the cube, {pixels}, got {layout.pixels}, or other "
-                "coordinates; reproject them to the header of the cube."
-            )
-    unseen = 1.0 if word == "flags" else 0.0  # what FITS marks as not seen is bad, and has no weight
-    return np.nan_to_num(maps, nan=unseen), freqs, nested, frame, spectral_frame
+    maps, theirs = fits.read_fits(Path(path), held=_HELD, logical=True)
+    if own.whole_sky and theirs.pixels.whole_sky and theirs.pixels.nested is None:
+        raise InputError(f"{label} must say ORDERING = RING or NESTED; write it with healpy.write_map.")
+    if not (own.whole_sky and theirs.pixels.whole_sky) and not own.same(theirs.pixels):
+        raise InputError(
+            f"{label} must have the {own.grid} of the cube, {own}, got {theirs.pixels}, or other "
+            "coordinates; reproject them to the header of the cube."
+        )
+    return np.nan_to_num(maps, nan=_UNSEEN[word]), theirs

@@ -148,9 +148,10 @@ def write_cleaned(cleaned, paths, *, said=None):
             parameters = json.dumps(asdict(cleaned.method))
             about = {"method": cleaned.method.name, "parameters": parameters, "himap": __version__}
             about["remarks"] = shortened("\n".join(map(plain_text, sentences)))
-            for name, values in layout.pixels.datasets(layout).items():
+            attributes, datasets = layout.pixels.in_hdf5(layout)
+            for name, values in datasets.items():
                 file.create_dataset(name, data=values)
-            file.attrs.update(layout.about | layout.pixels.attributes() | about | _restarts(cleaned))
+            file.attrs.update(layout.about | attributes | about | _restarts(cleaned))
         return
     *targets, table = paths
     for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):

@@ -5,8 +5,9 @@ markers of missing pixels, and counts negative pixel numbers from the end.
 """
 
 import re
-import warnings
 from dataclasses import dataclass
+from typing import NamedTuple
+from warnings import catch_warnings
 
 import healpy as hp
 import numpy as np
@@ -15,7 +16,7 @@ from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
 from himap.core.memory import check_room
-from himap.core.reading import regular_file
+from himap.core.reading import reading, regular_file
 from himap.maps import sphere
 from himap.maps.frames import frame_cards, frame_of, is_nested
 
@@ -84,20 +85,13 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
         its ORDERING is none.
     """
     path = regular_file(path)
-    try:
-        with warnings.catch_warnings(), fits.open(path, memmap=False) as file:
-            warnings.simplefilter("ignore", AstropyWarning)  # of what is an error a line below, or harmless
-            table = _only_table(file, first=n_maps is not None)
-            header = {**file[0].header, **table.header}
-            partial = _is_partial(header)
-            columns = range(1 + partial, 1 + len(table.columns))[:n_maps]  # as FITS counts, from 1
-            maps = _maps_of(table, header, columns, partial, held, _NUMBERS + "L" * logical)
-    except Exception as error:  # astropy raises nearly anything for a file that is something else
-        reason = f"({type(error).__name__}: {error}). Write it again with healpy.write_map, whole."
-        raise InputError(
-            f"{path} cannot be read as HEALPix maps in FITS: its table could not be read"
-            + (f"; {error}" if isinstance(error, InputError) else f" {reason}")
-        ) from error
+    quiet = catch_warnings(action="ignore", category=AstropyWarning)  # of an error a line below, or harmless
+    with reading(path, "HEALPix maps in FITS"), quiet, fits.open(path, memmap=False) as file:
+        table = _only_table(file, first=n_maps is not None)
+        header = {**file[0].header, **table.header}
+        partial = _is_partial(header)
+        columns = range(1 + partial, 1 + len(table.columns))[:n_maps]  # as FITS counts, from 1
+        maps = _maps_of(table, header, columns, partial, held, _NUMBERS + "L" * logical)
     return HealpixFile(
         maps=maps,
         names=tuple(str(header.get(f"TTYPE{column}")) for column in columns),
@@ -128,19 +122,17 @@ def _only_table(file, *, first):
     tables = [hdu for hdu in file if isinstance(hdu, fits.BinTableHDU)]
     if not tables:
         raise InputError("there is no table of maps; images in the plane are none.")
-    more = [hdu for hdu in tables[1:] if _lengths(hdu) & _lengths(tables[0])]
-    if more and not first:
+    sizes = []  # of columns, how many numbers they hold
+    for hdu in tables:
+        repeats = {column.format[:-1] or "1" for column in hdu.columns if column.format[-1:] in _NUMBERS}
+        sizes.append({int(repeat) * hdu.header["NAXIS2"] for repeat in repeats if repeat.isdecimal()})
+    n_alike = sum(bool(size & sizes[0]) for size in sizes[1:])
+    if n_alike and not first:
         raise InputError(
-            f"there are maps in {1 + len(more)} tables; write them as columns of one, as "
+            f"there are maps in {1 + n_alike} tables; write them as columns of one, as "
             "healpy.write_map(path, maps) does."
         )
     return tables[0]
-
-
-def _lengths(hdu):
-    """How many numbers the columns of a table hold, a set."""
-    repeats = {column.format[:-1] for column in hdu.columns if column.format[-1:] in _NUMBERS}
-    return {int(repeat or 1) * hdu.header["NAXIS2"] for repeat in repeats if not repeat or repeat.isdecimal()}
 
 
 def _maps_of(hdu, header, columns, partial, held, letters):
@@ -294,8 +286,7 @@ def temperature_unit(text, name="unit", where="as healpy.write_map(..., column_u
     return unit
 
 
-@dataclass(frozen=True)
-class Stated:
+class Stated(NamedTuple):
     """A frequency that a name states, in MHz, and half of its last digit."""
 
     freq: float

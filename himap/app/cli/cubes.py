@@ -331,6 +331,7 @@ def sensitivity(asked):
     cleaned = clean_cube(cube, remover, beams=beams, peaks=asked.peaks, restarts=1)
     _tell(asked, *cleaned.remarks)
     found = measured.beam_sensitivity(cleaned, asked.beam, **errors, period=asked.period, dish=asked.dish)
-    click.echo(measured.sensitivity_table(found))
+    click.echo(measured.sensitivity_table(found, asked.period))
     if page is not None:
-        _write(asked, [page], lambda paths: measured.write_sensitivity(found, *paths, said=asked.said))
+        write = functools.partial(measured.write_sensitivity, found, period=asked.period, said=asked.said)
+        _write(asked, [page], lambda paths: write(*paths))
