@@ -24,6 +24,7 @@ from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
+from himap.sky.emission import emission_maps
 
 N_SAMPLES = 6  # channels that an alternative is timed on
 N_LINES = 64  # lines of sight
@@ -77,9 +78,10 @@ def observations(case):
 
 def beside_observations(case):
     """One channel with healpy: convolved HI, noise and foregrounds, float64, no shared analysis."""
-    hi = pipeline.hi(case.survey)
+    hi = pipeline.hi_of_sky(case.survey.sky)
     channels = evenly(case.survey.n_channels, N_SAMPLES)
-    bright = pipeline.foregrounds(case.survey, case.galaxy)[channels].astype(float)
+    components = pipeline.components_of_sky(case.survey.sky, case.galaxy)
+    bright = emission_maps(components, case.survey.freqs[channels]).astype(float)
     windows = [beam.of_survey(case.survey) for beam in paper_beams().values()]
 
     def smooth(pixels, beam):
