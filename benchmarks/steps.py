@@ -17,6 +17,7 @@ from himap.maps import sphere
 from himap.paper import cleaned, pipeline
 from himap.paper.methods import paper_beams, sdecgmca_for, table_1
 from himap.removal.base import SeparationWarning
+from himap.sky.emission import emission_maps
 
 N_SAMPLES = 6  # channels that an alternative is timed on
 
@@ -69,9 +70,10 @@ def observations(case):
 
 def beside_observations(case, _):
     """One channel with healpy: convolved HI, noise and foregrounds, float64, no shared analysis."""
-    hi = pipeline.hi(case.survey)
+    hi = pipeline.hi_of_sky(case.survey.sky)
     channels = evenly(case.survey.n_channels, N_SAMPLES)
-    bright = pipeline.foregrounds(case.survey, case.galaxy)[channels].astype(float)
+    components = pipeline.components_of_sky(case.survey.sky, case.galaxy)
+    bright = emission_maps(components, case.survey.freqs[channels]).astype(float)
     windows = [beam.of_survey(case.survey) for beam in paper_beams().values()]
 
     def smooth(pixels, beam):

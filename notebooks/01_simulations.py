@@ -100,7 +100,7 @@ def stamped(figure, source=milky_way):
 # small shell.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: simulated maps (dots) and theory (line)."}}
-hi = pipeline.hi(sky)
+hi = pipeline.hi_of_sky(sky.sky)
 theory = HIModel().mean_temperature(redshift(freqs))
 mean = hi.mean(axis=1, dtype=float)
 curves = [
@@ -196,7 +196,7 @@ spectra, flagged, brightest = {}, {}, {}
 for r_smooth, colour in ((0.0, "black"), (2.0, styles.BLUE)):
     close = replace(near, r_smooth=r_smooth)
     alms = pipeline.hi_alms_of_sky(close.sky)
-    along = frequency_power(pipeline.hi(close), close.channel_width)
+    along = frequency_power(pipeline.hi_of_sky(close.sky), close.channel_width)
     spectra[r_smooth] = sphere.power_spectrum(alms).mean(axis=0)[: 2 * sky.nside], along
     seen = seen_through(Degraded(), close)
     flagged[r_smooth] = smooth_baselines(seen, close.freqs).flagged.mean()
@@ -298,7 +298,7 @@ Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", not
 # Only synchrotron and free-free emission are concentrated in the plane.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron emission at 408 MHz, its spectral index, free-free emission at 30 GHz, and point sources at 1.4 GHz. Colours are logarithmic except for the index."}}
-synchrotron, free_free, sources = pipeline.components(sky, milky_way)
+synchrotron, free_free, sources = pipeline.components_of_sky(sky.sky, milky_way)
 titles = ["synchrotron, 408 MHz", "synchrotron index", "free-free, 30 GHz", "point sources, 1.4 GHz"]
 values = [
     synchrotron.amplitude / 1e3,

@@ -43,7 +43,7 @@ import numpy as np
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show
 from himap.instrument.beams import named
-from himap.paper.methods import each_beam, paper_beams
+from himap.paper.methods import paper_beams, table_1
 from himap.paper.study import Study
 from himap.paper.study_figures import (
     angular_figure,
@@ -64,7 +64,7 @@ study = Study(
     template_dir=template_dir,
     small_scales=small_scales,
 )
-removers = each_beam(lambda n: PCA(n_sources=n), beams.values())
+removers = {beam: [PCA(n_sources=table_1(beam)["n_sources"])] for beam in beams.values()}
 removers[selected] = [PCA(n_sources=n_sources)]
 study.check(removers)
 remover = removers[selected][0]

@@ -47,7 +47,7 @@ import numpy as np
 from himap.figures import plotting, styles
 from himap.figures.numbers import one_run, quote, show
 from himap.instrument.beams import named
-from himap.paper.methods import each_beam, paper_beams
+from himap.paper.methods import paper_beams, table_1
 from himap.paper.study import Study
 from himap.paper.study_figures import (
     angular_figure,
@@ -68,7 +68,9 @@ study = Study(
     template_dir=template_dir,
     small_scales=small_scales,
 )
-removers = each_beam(lambda n: FastICA(n_sources=n, contrast=contrast), beams.values())
+removers = {
+    beam: [FastICA(n_sources=table_1(beam)["n_sources"], contrast=contrast)] for beam in beams.values()
+}
 removers[selected] = [FastICA(n_sources=n_sources, contrast=contrast)]
 study.check(removers)
 remover = removers[selected][0]

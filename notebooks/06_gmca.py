@@ -48,7 +48,7 @@ from himap.figures.numbers import quote, show
 from himap.instrument.beams import named
 from himap.maps.starlets import starlet_filters, starlets
 from himap.paper import pipeline
-from himap.paper.methods import each_beam, paper_beams
+from himap.paper.methods import paper_beams, table_1
 from himap.paper.study import Study
 from himap.paper.study_figures import (
     angular_figure,
@@ -78,7 +78,7 @@ def gmca(n_sources, **changed):
     )
 
 
-removers = each_beam(gmca, beams.values())
+removers = {beam: [gmca(table_1(beam)["n_sources"])] for beam in beams.values()}
 removers[selected] = [gmca(n_sources)]
 study.check(removers)
 remover = removers[selected][0]

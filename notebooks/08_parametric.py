@@ -137,9 +137,7 @@ study.stamped(plotting.lines(panels))
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the simulated free-free emission, before the beam. Colours: central 96 % of the pixels."}}
 result = study.separation(selected, remover)
 free_free = next(
-    part
-    for part in pipeline.components(study.case(selected).survey, study.case(selected).galaxy)
-    if "free" in part.name
+    part for part in pipeline.components_of_sky(study.survey.sky, study.milky_way) if "free" in part.name
 )
 first, second, index = result.sources
 maps = {

@@ -382,11 +382,11 @@ def change_of(whole, masked):
     binned = whole.in_bins_of(masked)
     pairs = {
         "P/P0, k < 0.1": [
-            diagnostics.band_mean(spectra.k, np.abs(spectra.frequency_ratio - 1), 0, 0.1)
+            diagnostics.inside(spectra.k, np.abs(spectra.frequency_ratio - 1), 0, 0.1).mean()
             for spectra in (whole, masked)
         ],
         "peak": [
-            diagnostics.band_max(spectra.k, spectra.frequency_ratio, 0.25, 0.38)
+            diagnostics.inside(spectra.k, spectra.frequency_ratio, 0.25, 0.38).max()
             for spectra in (whole, masked)
         ],
         "C/C0": [np.abs(one.angular_ratio[one.degrees <= 200] - 1).mean() for one in (binned, masked)],

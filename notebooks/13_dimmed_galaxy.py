@@ -63,7 +63,7 @@ from himap.figures import plotting, styles
 from himap.figures.numbers import of_restarts, quote, show_table
 from himap.instrument.beams import named
 from himap.maps import sphere
-from himap.measures.diagnostics import band_max, band_mean
+from himap.measures.diagnostics import inside
 from himap.measures.spectra import frequency_power
 from himap.paper import captions, pipeline
 from himap.paper.leakage import error_parts
@@ -73,6 +73,7 @@ from himap.paper.study_figures import both_figure, ensemble_style
 from himap.removal import peaks
 from himap.removal.base import SeparationWarning
 from himap.removal.pca import PCA
+from himap.sky.emission import emission_maps
 from himap.sky.galaxy import Dimming
 
 common = {
@@ -126,7 +127,8 @@ full.stamped(
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of a channel in the middle of the band before the beam, full and dimmed, same logarithmic colours."}}
 channel = full.survey.n_channels // 2
-foreground = pipeline.foregrounds(full.survey, full.case(selected).galaxy)[channel]
+components = pipeline.components_of_sky(full.survey.sky, full.milky_way)
+(foreground,) = emission_maps(components, full.survey.freqs[[channel]])
 freq = f"{full.survey.freqs[channel]:.0f} MHz"
 maps = {
     f"foregrounds, {freq}": foreground,
@@ -198,7 +200,7 @@ def row_of(full, dimmed):
     row = {}
     for name, comparison in (("full", full), ("dimmed", dimmed)):
         total = comparison.total_error()
-        peak = band_max(comparison.k, comparison.frequency_ratio, 0.25, 0.38)
+        peak = inside(comparison.k, comparison.frequency_ratio, 0.25, 0.38).max()
         share = np.mean(np.abs(comparison.angular_ratio[comparison.degrees <= 200] - 1) < 0.1)
         row[f"error, {name}"] = (total, 0.02 * max(0.1, total))
         row[f"peak, {name}"] = (peak, 0.02 * max(1, peak))
@@ -349,7 +351,7 @@ for title, choices in settings.items():
         other = Dimming(**{"weight": plane_weight, "edge": plane_edge} | changed)
         ratio = known[other] if other in known else ratio_of(other)
         curves.append((k, ratio, {"label": name, "color": colour, "linestyle": line}))
-        low, peak = band_mean(k, np.abs(ratio - 1), 0, 0.1), band_max(k, ratio, 0.25, 0.38)
+        low, peak = inside(k, np.abs(ratio - 1), 0, 0.1).mean(), inside(k, ratio, 0.25, 0.38).max()
         table[name] = {
             "mean |P/P0 - 1|, k < 0.1": (low, 0.02 * max(1, low)),
             "highest P/P0 near k = 0.31": (peak, 0.02 * max(1, peak)),

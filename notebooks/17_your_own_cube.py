@@ -190,10 +190,10 @@ study.stamped(spectra_figure(compared(cleaned, truth)), beam=selected, n_sources
 def errors_of(comparison):
     """Means of both ratios over bands, and the peak, for `show_table`."""
     angular, frequency = comparison.angular_ratio, comparison.frequency_ratio
-    low = diagnostics.band_mean(comparison.degrees, angular, 0, 10)
-    high = diagnostics.band_mean(comparison.degrees, angular, 10, 2 * nside)
-    smooth = diagnostics.band_mean(comparison.k, frequency, 0, 0.05)
-    peak = diagnostics.band_max(comparison.k, frequency, *diagnostics.BUMP)
+    low = diagnostics.inside(comparison.degrees, angular, 0, 10).mean()
+    high = diagnostics.inside(comparison.degrees, angular, 10, 2 * nside).mean()
+    smooth = diagnostics.inside(comparison.k, frequency, 0, 0.05).mean()
+    peak = diagnostics.inside(comparison.k, frequency, *diagnostics.BUMP).max()
     return {
         "C/C0, l < 10": (low, 0.02 * max(1, low)),
         "C/C0, beyond": (high, 0.02 * max(1, high)),

@@ -61,7 +61,7 @@ from himap.figures import plotting, styles
 from himap.figures.numbers import one_run, quote, show_table
 from himap.measures.diagnostics import Comparison, bands
 from himap.paper.grid import cases_and_methods
-from himap.paper.leakage import corrected, decompose
+from himap.paper.leakage import corrected, decompose, ratios
 from himap.paper.methods import table_1
 from himap.paper.study import Study
 from himap.paper.study_figures import both_figure
@@ -93,10 +93,10 @@ found = {(one.name, one.n_sources): decompose(case, one) for one in removers}
 # %% tags=["hide-input"]
 def in_bands(method, n, part):
     """{band: mean of a part over the truth}, of a method with n sources."""
-    one = found[method, n]
-    known = bands(one.truth.degrees, one.truth.k)
-    ratios = {kind: one.ratios(kind)[part] for kind in ("angular", "frequency")}
-    return {band: float(ratios[kind][inside].mean()) for band, (kind, inside) in known.items()}
+    parts = found[method, n]
+    known = bands(parts["truth"].degrees, parts["truth"].k)
+    over = {kind: ratios(parts, kind)[part] for kind in ("angular", "frequency")}
+    return {band: float(over[kind][inside].mean()) for band, (kind, inside) in known.items()}
 
 
 looks = {
@@ -178,14 +178,13 @@ beside = [("sdecgmca", paper), ("beam_subspace", smooth.n_sources)]
 known = corrected(case, smooth)
 
 
-def compared(name, n, ratios=None):
-    """A `Comparison` of what a method leaves with the truth, or of what is corrected by `ratios` to it."""
-    own = found[name, n]
-    truth, recovered = own.truth, own.recovered
+def compared(name, n, over=None):
+    """A `Comparison` of what a method leaves with the truth, or of what is corrected to ratios `over` it."""
+    truth, recovered = (found[name, n][part] for part in ("truth", "recovered"))
     inside = (truth.degrees >= 2) & (truth.degrees <= min(study.l_top, 200))
     angular, frequency = recovered.angular, recovered.frequency
-    if ratios is not None:
-        angular, frequency = ratios["angular"] * truth.angular, ratios["frequency"] * truth.frequency
+    if over is not None:
+        angular, frequency = over["angular"] * truth.angular, over["frequency"] * truth.frequency
     return Comparison(
         degrees=truth.degrees[inside],
         angular=angular[inside],
@@ -226,17 +225,17 @@ GOAL = (
 )
 
 
-def furthest(ratios):
+def furthest(means):
     """How far the worst band of the goal is from 1, %."""
-    worst = 100 * max(abs(ratio - 1) for band, ratio in ratios.items() if band in GOAL)
+    worst = 100 * max(abs(mean - 1) for band, mean in means.items() if band in GOAL)
     return (worst, max(1, 0.2 * worst), "%")
 
 
 def corrected_in_bands(n):
-    one = found["smooth_spectra", n]
-    ratios = corrected(case, create("smooth_spectra", n_sources=n))
-    places = bands(one.truth.degrees, one.truth.k)
-    return {band: float(ratios[kind][inside].mean()) for band, (kind, inside) in places.items()}
+    true = found["smooth_spectra", n]["truth"]
+    over = corrected(case, create("smooth_spectra", n_sources=n))
+    places = bands(true.degrees, true.k)
+    return {band: float(over[kind][inside].mean()) for band, (kind, inside) in places.items()}
 
 
 few, more = n_sources[min(1, len(n_sources) - 1)], n_sources[-1]

@@ -349,8 +349,8 @@ def means(over):
     values = {
         "C, all l": over["angular"].mean(),
         "C, but for the first bin": over["angular"][1:].mean(),
-        "P, k < 0.3": diagnostics.band_mean(k, over["frequency"], 0, 0.3),
-        "P, k > 0.3": diagnostics.band_mean(k, over["frequency"], 0.3, np.inf),
+        "P, k < 0.3": diagnostics.inside(k, over["frequency"], 0, 0.3).mean(),
+        "P, k > 0.3": diagnostics.inside(k, over["frequency"], 0.3, np.inf).mean(),
     }
     return {name: (float(value), 0.03 * max(1, abs(float(value)))) for name, value in values.items()}
 

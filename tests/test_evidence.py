@@ -20,6 +20,7 @@ from himap.paper import cleaned, evidence, pipeline
 from himap.paper.realisation import Realisation
 from himap.removal import PCA, Parametric, SDecGMCA
 from himap.removal.peaks import PeakMasked
+from himap.sky.emission import emission_maps
 from himap.sky.galaxy import Dimming, Galaxy
 
 pytestmark = pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
@@ -34,7 +35,11 @@ def test_brightness_is_the_rms_of_both_cubes():
     found = evidence.sky_brightness(SURVEY.sky, Galaxy())
     high = np.abs(sphere.pixel_latitude(8)) > 30
     cubes = [
-        np.array(one, dtype=float) for one in (pipeline.foregrounds(SURVEY, Galaxy()), pipeline.hi(SURVEY))
+        np.array(one, dtype=float)
+        for one in (
+            emission_maps(pipeline.components_of_sky(SURVEY.sky, Galaxy()), SURVEY.freqs),
+            pipeline.hi_of_sky(SURVEY.sky),
+        )
     ]
     expected = [[np.sqrt(np.mean(cube[:, region] ** 2)) for cube in cubes] for region in (slice(None), high)]
     assert found == pytest.approx(np.array(expected), rel=1e-6)
@@ -128,7 +133,7 @@ class TestWithoutPointSources:
     @pytest.mark.parametrize("dimming", [None, Dimming()])
     def test_with_all_components_it_is_the_residual_of_the_case(self, dimming):
         case, method = replace(CASE, beam=Degraded(), dimming=dimming), Parametric()
-        found = evidence._spectra_with(pipeline.components(SURVEY, case.galaxy), case, method)
+        found = evidence._spectra_with(pipeline.components_of_sky(SURVEY.sky, case.galaxy), case, method)
         expected = cleaned.assessment(case, method).power_spectra
         assert found.angular.mean[2:17] == pytest.approx(expected.angular.mean[2:17], rel=1e-3)
         assert found.frequency.power[1:] == pytest.approx(expected.frequency.power[1:], rel=1e-3)

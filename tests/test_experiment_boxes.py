@@ -44,7 +44,7 @@ def test_numbers_are_those_of_the_maps(rows):
     """Spectra by healpy, and P(k) by its definition at the k of a band."""
     (case,) = skies(**TINY)
     survey = replace(case.survey, box_cells=64)
-    maps = pipeline.hi(survey).astype(float)
+    maps = pipeline.hi_of_sky(survey.sky).astype(float)
     assert values(rows, 64, "mean").item() == pytest.approx(maps.mean(), rel=1e-5)
     cl = np.array([hp.anafast(one, iter=3)[2:20].mean() for one in maps[-4:]]).mean()
     last = values(rows, 64, "C_l")["2–19"].iloc[-1]

@@ -89,7 +89,7 @@ def test_long_work_asks_first(monkeypatch, step):
     monkeypatch.setenv(JOBS_VARIABLE, "1")
     with pytest.raises(InputError, match="and 1 GB may be used"):
         if step == "sky":
-            pipeline.hi(PAPER)
+            pipeline.hi_of_sky(PAPER)
         else:
             study = Study(preset="paper")
             study.prepare({Degraded(): [PCA()]})
@@ -102,8 +102,8 @@ from himap.paper import pipeline
 from himap.core.survey import Survey
 survey = Survey(nside=64, n_channels=100, box_cells=256)
 steps = memory.estimate(survey)
-pipeline.hi(Survey(nside=4, n_channels=20, box_cells=16))  # compiles
-pipeline.hi(survey)
+pipeline.hi_of_sky(Survey(nside=4, n_channels=20, box_cells=16))  # compiles
+pipeline.hi_of_sky(survey)
 status = pathlib.Path("/proc/self/status").read_text()  # what `resource` says counts the parent process too
 print(int(re.search(r"VmHWM:\\s*(\\d+)", status)[1]) * 1024, steps["HI light cone"])
 """

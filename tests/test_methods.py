@@ -8,13 +8,11 @@ from himap.paper.methods import (
     BSS,
     TABLE_1,
     beam_aware_for,
-    each_beam,
     methods_for,
     paper_beams,
     sdecgmca_for,
     table_1,
 )
-from himap.removal import PCA
 
 
 def test_table_1():
@@ -45,10 +43,3 @@ def test_what_cannot_stand_in_the_place_of_sdecgmca():
         methods_for(Evolving(), method="gmca")
     with pytest.raises(InputError, match="sdecgmca has no option depth; it has n_sources,"):
         sdecgmca_for(Evolving(), depth=2)
-
-
-def test_each_beam():
-    removers = each_beam(lambda n: PCA(n_sources=n), paper_beams().values())
-    assert {str(beam): methods[0].n_sources for beam, methods in removers.items()} == {
-        name: row["n_sources"] for name, row in TABLE_1.items()
-    }

@@ -2,10 +2,8 @@
 
 from dataclasses import replace
 
-import healpy as hp
 import numpy as np
 import pytest
-from cube_measures import correlation, line_errors
 
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded
@@ -13,7 +11,6 @@ from himap.instrument.beams.paper import Evolving, Oscillating
 from himap.instrument.noise import noise_maps
 from himap.maps import sphere
 from himap.measures import diagnostics
-from himap.measures.spectra import frequency_power
 from himap.paper import cleaned, pipeline
 from himap.removal import PCA, SDecGMCA
 from himap.sky.galaxy import Galaxy, foreground_maps
@@ -24,19 +21,18 @@ CASE = pipeline.Case(survey=SMALL)
 
 
 def test_products_are_kept_and_mapped():
-    first = pipeline.hi(SMALL)
-    assert pipeline.hi_of_sky.is_cached(SMALL)
-    again = pipeline.hi(SMALL)
+    first = pipeline.hi_of_sky(SMALL.sky)
+    assert pipeline.hi_of_sky.is_cached(SMALL.sky)
+    again = pipeline.hi_of_sky(SMALL.sky)
     assert isinstance(again, np.memmap)
     assert np.array_equal(first, again)
 
 
 def test_foregrounds_are_the_sum_of_their_components():
-    maps = pipeline.foregrounds(SMALL, Galaxy())
-    parts = pipeline.components(SMALL, Galaxy())
+    maps = foreground_maps(SMALL, Galaxy())
+    parts = pipeline.components_of_sky(SMALL.sky, Galaxy())
     assert [part.name for part in parts] == ["synchrotron", "free-free", "point sources"]
     assert maps[7] == pytest.approx(sum(part.map(SMALL.freqs[7]) for part in parts), rel=1e-6)
-    assert np.array_equal(maps, foreground_maps(SMALL, Galaxy()))
     assert maps.min() > 0
 
 
@@ -47,29 +43,18 @@ def test_observation_says_what_it_is():
     assert seen.beams == pytest.approx(Degraded().of_survey(SMALL).total)
 
 
-def test_a_change_of_one_stream_leaves_the_others():
-    """Another Galaxy seed would change all; another beam changes neither sky nor noise."""
-    degraded = pipeline.observation(CASE)
-    evolving = pipeline.observation(replace(CASE, beam=Evolving()))
-    assert not np.array_equal(degraded.truth, evolving.truth)
-    # The lowest channel is the worst: its beam is the same in both, and so must its HI and noise be, but
-    # for the noise beyond lmax, which the transform of the degraded case drops.
-    large = [sphere.analyse(seen.truth[0], 16) for seen in (degraded, evolving)]
-    assert np.abs(large[0] - large[1]).max() < 1e-3 * np.abs(large[1]).max()
-
-
 def test_every_component_draws_from_its_own_stream():
     seen = pipeline.observation(replace(CASE, beam=Evolving()))
-    alms = sphere.analyse(pipeline.hi(SMALL), n_iter=sphere.N_ITER_FLAT)
+    alms = sphere.analyse(pipeline.hi_of_sky(SMALL.sky), n_iter=sphere.N_ITER_FLAT)
     blurred = [sphere.multiply_beam(alm, beam) for alm, beam in zip(alms, seen.beams, strict=True)]
     signal = sphere.synthesise(np.array(blurred), SMALL.nside)
     assert seen.truth - signal == pytest.approx(noise_maps(SMALL, SMALL.rng("noise")), abs=1e-6)
-    sources = pipeline.components(SMALL, Galaxy())[2].amplitude
+    sources = pipeline.components_of_sky(SMALL.sky, Galaxy())[2].amplitude
     assert np.array_equal(sources, point_sources(SMALL.nside, SMALL.rng("point sources")).amplitude)
 
 
 def test_surveys_that_differ_in_the_dish_share_their_sky():
-    pipeline.hi(SMALL)
+    pipeline.hi_of_sky(SMALL.sky)
     other = replace(SMALL, t_obs=5.0, dish_diameter=20.0)
     assert pipeline.hi_of_sky.is_cached(other.sky)
     assert not pipeline.hi_of_sky.is_cached(replace(other, seed=1).sky)
@@ -110,17 +95,9 @@ def test_the_analysis_of_an_observation_is_shared(monkeypatch):
         cleaned.separation(CASE, SDecGMCA(n_sources=2), mask_peaks=False)
 
 
-def test_cleaning_recovers_the_signal():
-    found, left = cleaned.separation(CASE, PCA(n_sources=3)), cleaned.residual(CASE, PCA(n_sources=3))
-    truth = pipeline.observation(CASE).truth
-    assert found.converged
-    assert found.mixing.shape == (20, 3)
-    correlation = np.corrcoef(left[10], truth[10])[0, 1]
-    assert correlation > 0.9
-
-
 def test_spectra_of_truth_and_residual():
     true, pca = pipeline.true_spectra(CASE), cleaned.assessment(CASE, PCA(n_sources=3)).power_spectra
+    assert cleaned.separation(CASE, PCA(n_sources=3)).mixing.shape == (20, 3)
     inside = slice(5, 32)
     ratio = diagnostics.ratio(pca.angular.mean[inside], true.angular.mean[inside])
     assert 0.7 < ratio.mean() < 1.1
@@ -136,32 +113,3 @@ def test_pca_on_the_real_sky(real_sky):
     true, pca = pipeline.true_spectra(case), cleaned.assessment(case, PCA(n_sources=3)).power_spectra
     ratio = diagnostics.ratio(pca.angular.mean[1:], true.angular.mean[1:])
     assert np.abs(diagnostics.inside(true.angular.degrees[1:], ratio, 10, 64) - 1).max() < 0.1
-
-
-def _upto(maps, lmax):
-    """Maps without what is beyond lmax, by healpy."""
-    low = [hp.map2alm(channel.astype(float), lmax=lmax, iter=3) for channel in maps]
-    return np.array([hp.alm2map(alm, hp.get_nside(maps[0])) for alm in low])
-
-
-def test_what_ends_at_some_l_is_compared_with_the_truth_at_every_l():
-    """Errors and correlation lack what is beyond; the truth up to lmax is a second measure."""
-    case = replace(CASE, beam=Oscillating())
-    short = {"n_warmup": 2, "n_refinement": 2, "warmup_tolerance": 1e3, "tolerance": 1e3}
-    remover = SDecGMCA(n_sources=2, lmax=10, reading="letter", **short)
-    found = cleaned.assessment(case, remover, True, True)
-    left = _upto(cleaned.residual(case, remover), 10)
-    truth = pipeline.observation(case).truth
-    truth = truth - truth.mean(axis=1, keepdims=True)
-    whole = pipeline.true_spectra(case)
-    for spectra in (found.power_spectra, found.cut_truth, found.masked):
-        assert spectra.angular.degrees[-1] <= 10 < found.masked_truth.angular.degrees[-1]
-    assert found.cut_truth.angular.cl == pytest.approx(whole.angular.cl[:, :11])
-    assert found.cut_truth.frequency.power == pytest.approx(
-        frequency_power(_upto(truth, 10), case.survey.channel_width).power, rel=0.02
-    )
-    assert (found.cut_truth.frequency.power < whole.frequency.power).all()
-    errors = line_errors(left, truth)
-    assert found.line_errors == pytest.approx(errors, rel=0.05, abs=0.02 * errors.mean())
-    assert found.correlation == pytest.approx(correlation(left, truth), abs=0.01)
-    assert cleaned.assessment(case, PCA(n_sources=2)).cut_truth is None

@@ -1,14 +1,13 @@
 """Power over wavenumbers across and along the line of sight, of a box that is seen as flat.
 
-P(k) = V / (N <w^2>) |sum_x w(x) T(x) exp(-i k x)|^2, with N cells of volume V and weights w: 0 where a line
-of sight is not seen, and along it a taper where one is asked for. White noise of variance s^2 has P = s^2 V.
+P(k) = V / N |sum_x T(x) exp(-i k x)|^2, with N cells of volume V that are seen; T is 0 on other lines of
+sight. White noise of variance s^2 has P = s^2 V.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import fft
-from scipy.signal import windows
 
 from himap.core.checks import evenly_spaced, real_array
 from himap.core.errors import InputError
@@ -52,7 +51,7 @@ class CylindricalPower:
         )
 
 
-def cylindrical_power(maps, cell, *, mask=None, taper=False):
+def cylindrical_power(maps, cell, *, mask=None):
     """The `CylindricalPower` of maps, less the mean of every channel.
 
     Modes with k_perp = 0, which those means are, and with k_par = 0 are excluded, and so are those beyond the
@@ -66,9 +65,6 @@ def cylindrical_power(maps, cell, *, mask=None, taper=False):
         Sides of a cell along these axes, Mpc/h: along the line of sight, and across.
     mask
         (n_y, n_x) bool, True where seen; None for all.
-    taper
-        Whether lines of sight fade towards both ends as a Blackman-Harris window, which keeps what is bright
-        and smooth along them to its own k_par.
 
     Returns
     -------
@@ -81,13 +77,11 @@ def cylindrical_power(maps, cell, *, mask=None, taper=False):
     """
     maps, seen = _check_input(maps, cell, mask)
     n_channels, n_y, n_x = maps.shape
-    window = windows.blackmanharris(n_channels, sym=False) if taper else np.ones(n_channels)
-    window = window.astype(maps.dtype)
-    weighted = np.zeros_like(maps)
-    for channel, weight, out in zip(maps, window, weighted, strict=True):
-        out[seen] = weight * (channel[seen] - channel[seen].mean(dtype=np.float64))
-    modes = fft.rfftn(weighted, axes=(1, 2, 0), workers=-1)
-    norm = np.prod(cell) / (maps.size * np.mean(window**2, dtype=np.float64) * seen.mean())
+    centred = np.zeros_like(maps)
+    for channel, out in zip(maps, centred, strict=True):
+        out[seen] = channel[seen] - channel[seen].mean(dtype=np.float64)
+    modes = fft.rfftn(centred, axes=(1, 2, 0), workers=-1)
+    norm = np.prod(cell) / (maps.size * seen.mean())
 
     k_par = 2 * np.pi * fft.rfftfreq(n_channels, cell[0])
     k_y, k_x = (2 * np.pi * fft.fftfreq(n, side) for n, side in zip((n_y, n_x), cell[1:], strict=True))

@@ -81,16 +81,6 @@ def band_means(ratios, angular, frequency, table=BANDS, *, complete=True):
     return {name: ratios[kind][..., inside].mean(axis=-1) for name, (kind, inside) in reached.items()}
 
 
-def band_mean(x, values, low, high):
-    """Mean of `values` where low < x < high."""
-    return float(inside(x, values, low, high).mean())
-
-
-def band_max(x, values, low, high):
-    """Largest of `values` where low < x < high."""
-    return float(inside(x, values, low, high).max())
-
-
 def _within(x, low, high):
     return (np.asarray(x) > low) & (np.asarray(x) < high)
 
@@ -247,7 +237,7 @@ class Comparison:
             table[name] = "frequency", low, high
         means = band_means(self.ratios, self.degrees, self.k, table, complete=False)
         if _within(self.k, *BUMP).any():
-            means["P/P0, highest near k = 0.31"] = band_max(self.k, self.frequency_ratio, *BUMP)
+            means["P/P0, highest near k = 0.31"] = inside(self.k, self.frequency_ratio, *BUMP).max()
         return {name: float(value) for name, value in means.items()}
 
     @property

@@ -100,7 +100,6 @@ _PRODUCTS = {
     mocks.recovered: [(CASE, (PLAIN, AWARE), mocks.Mock(seed=7))],
     mocks.resampled: [(CASE, PLAIN, mocks.Mock(seed=7)), (CASE, AWARE, mocks.Mock(seed=7))],
     mocks.own_recovery: [(CASE, PLAIN), (CASE, AWARE)],
-    masked.analysis: [(CASE, REGION)],
     masked.separation: [(CASE, PLAIN, REGION), (CASE, AWARE, REGION)],
     masked.compared: [(CASE, PLAIN, REGION, way) for way in masked.WAYS],
     masked.by_depth: [(CASE, PLAIN, REGION, "inside")],
@@ -213,7 +212,7 @@ _RESIDUALS = dict.fromkeys(
     ),
     3e-4,
 )
-RTOLS = _RESIDUALS | {"analysis": 1e-3, "masked_analysis": 1e-3, "gnilc": 1e-3, "gaussian_process": 1e-3}
+RTOLS = _RESIDUALS | {"analysis": 1e-3, "gnilc": 1e-3, "gaussian_process": 1e-3}
 RTOLS |= {"resampled": 3e-3} | {measure.name: 3e-3 for measure in _MEASURED} | {"measured_transfer": 1.5e-2}
 """Where two machines agree to less than others: some three times what two processors differ by in the rest of
 a bright foreground in single precision, and where a search ends."""

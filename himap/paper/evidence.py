@@ -108,7 +108,7 @@ def spectra_without_sources(case, remover):
     Its peaks are masked anew. `remover` ends at no l, and draws no random numbers. If it refuses the maps, as
     fits of positive brightness do where few pixels ring around a bright Galaxy, the reason in their place.
     """
-    components = pipeline.components(case.survey, case.galaxy)
+    components = pipeline.components_of_sky(case.survey.sky, case.galaxy)
     try:
         return _spectra_with([one for one in components if one.name != "point sources"], case, remover)
     except InputError as error:

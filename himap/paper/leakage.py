@@ -3,14 +3,11 @@
 C/C0 near 1 is no proof that HI is kept: signal loss and foreground residual may cancel.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube, centred, projection
 from himap.measures.transfer import (
-    HarmonicPower,
     TransferFunction,
     expected_mock_power,
     harmonic_power,
@@ -22,40 +19,6 @@ from himap.removal.analysis import cube_modes
 from himap.removal.smooth_spectra import FilteredSeparation
 from himap.removal.spectral_filter import filtered, through_beams
 from himap.store.store import product
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parts:
-    """Powers of what a method makes of an observation, each a `HarmonicPower`.
-
-    Attributes
-    ----------
-    truth
-        HI and noise through the beam.
-    recovered
-        The residual of the observation: HI kept and foreground left.
-    kept
-        HI and noise less what the method subtracts of them.
-    left
-        The foreground residual.
-    shared
-        What `recovered` and `truth` have in common.
-    """
-
-    truth: HarmonicPower
-    recovered: HarmonicPower
-    kept: HarmonicPower
-    left: HarmonicPower
-    shared: HarmonicPower
-
-    def ratios(self, kind):
-        """Each part over the truth, {"recovered", "kept", "left", "shared": (n,)}.
-
-        `kind` is "angular", by l, or "frequency", by k; 0 where there is no truth.
-        """
-        powers = {name: getattr(power, kind) for name, power in vars(self).items()}
-        truth = powers.pop("truth")
-        return {name: quotient(power, truth) for name, power in powers.items()}
 
 
 def split_error(case, remover, mask_peaks=True):
@@ -107,14 +70,28 @@ def error_parts(case, remover, mask_peaks=True):
 
 @product(name="parts")
 def decompose(case, remover, mask_peaks=True):
-    """The `Parts` of a component method, up to where it ends; arguments as of `error_parts`."""
+    """{part: `HarmonicPower`} of what a component method makes of an observation, up to where it ends.
+
+    Parts are "truth", HI and noise through the beam; "recovered", the residual of the observation; "kept", HI
+    and noise less what is subtracted of them; "left", the foreground residual; and "shared", what the first
+    two have in common. Arguments as of `error_parts`.
+    """
     cubes, found = error_parts(case, remover, mask_peaks), cleaned.separation(case, remover, mask_peaks)
     width, lmax = case.survey.channel_width, case.survey.lmax if found.lmax is None else found.lmax
     left, lost, truth = (sphere.analyse(cube, lmax, n_iter=sphere.N_ITER_FLAT) for cube in cubes)
     kept = truth - lost
     power = mock_power_of_cubes(truth, kept + left, width)
-    powers = {name: harmonic_power(alms, width) for name, alms in (("kept", kept), ("left", left))}
-    return Parts(truth=power.input, recovered=power.output, shared=power.cross, **powers)
+    parts = {"truth": power.input, "recovered": power.output, "shared": power.cross}
+    return parts | {"kept": harmonic_power(kept, width), "left": harmonic_power(left, width)}
+
+
+def ratios(parts, kind):
+    """All parts of `decompose` over the truth, {part: (n,)}; 0 where there is no truth.
+
+    `kind` is "angular", by l, or "frequency", by k.
+    """
+    powers = {name: getattr(power, kind) for name, power in parts.items()}
+    return {name: quotient(power, powers["truth"]) for name, power in powers.items()}
 
 
 @product(name="foreseen")
@@ -127,6 +104,8 @@ def expected_loss(case, remover, mask_peaks=True):
 def corrected(case, remover, mask_peaks=True):
     """C/C0 and P/P0 once divided by what the method knows that it keeps, {"angular", "frequency": (n,)}."""
     kept = TransferFunction(mocks=(expected_loss(case, remover, mask_peaks),))
-    measured = decompose(case, remover, mask_peaks)
-    ratios = {kind: measured.ratios(kind)["recovered"] for kind in ("angular", "frequency")}
-    return {kind: quotient(ratio, getattr(kept, kind)[: len(ratio)]) for kind, ratio in ratios.items()}
+    parts, over = decompose(case, remover, mask_peaks), {}
+    for kind in ("angular", "frequency"):
+        ratio = ratios(parts, kind)["recovered"]
+        over[kind] = quotient(ratio, getattr(kept, kind)[: len(ratio)])
+    return over

@@ -52,23 +52,10 @@ class Region:
         return self.depth(nside) > margin
 
 
-@product(name="masked_analysis")
-def analysis(case, region, mask_peaks=True):
-    """The `CubeModes` of a region of the maps that the foreground is found in, less their means there."""
-    maps = pipeline.basis(case, mask_peaks)
-    return cleaned.data_of(case, maps).on(region.mask(case.survey.nside)).modes
-
-
-def _cleaning(case, remover, region, mask_peaks):
-    return cleaned.cleaning(case, remover, mask_peaks).on(region.mask(case.survey.nside))
-
-
 @product(name="masked_separation")
-def separation(case, remover, region, mask_peaks=True):
+def separation(case, remover, region):
     """The `Separation` of the pixels of a region of a case, as `cleaned.separation` of all of it."""
-    cleaning = _cleaning(case, remover, region, mask_peaks)
-    cleaning.basis.known["modes"] = lambda: analysis(case, region, mask_peaks)
-    return cleaning.separation
+    return cleaned.cleaning(case, remover).on(region.mask(case.survey.nside)).separation
 
 
 def residual(case, remover, region, way):
@@ -88,7 +75,7 @@ def residual(case, remover, region, way):
     if way != "inside":
         return cleaned.residual(case, remover)
     kept = region.mask(case.survey.nside)
-    cleaning = _cleaning(case, remover, region, True)
+    cleaning = cleaned.cleaning(case, remover).on(kept)
     return scattered(separation(case, remover, region).residual(cleaning.data.maps, cleaning.basis), kept)
 
 

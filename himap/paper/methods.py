@@ -98,11 +98,3 @@ def methods_for(beam, n_sources=None, *, method="sdecgmca", **options):
         Polynomial(),
         Parametric(),
     ]
-
-
-def each_beam(make, beams):
-    """{beam: [make(n_sources)]} with the paper's number of sources for each of some beams.
-
-    >>> each_beam(lambda n: PCA(n_sources=n), paper_beams().values())  # doctest: +SKIP
-    """
-    return {beam: [make(table_1(beam)["n_sources"])] for beam in beams}

@@ -23,7 +23,7 @@ from himap.removal import harmonic, peaks
 from himap.removal.analysis import cube_modes
 from himap.removal.spectral_filter import on_sky, seen_through
 from himap.sky.box import file_bytes
-from himap.sky.emission import emission_maps, emission_modes
+from himap.sky.emission import emission_modes
 from himap.sky.galaxy import Dimming, Galaxy, foreground_components
 from himap.sky.hi import hi_maps
 from himap.store.store import product
@@ -63,14 +63,12 @@ class Case:
         self.beam.of_survey(self.survey)  # fails now, not after the sky is made
 
 
-def hi(survey):
-    """HI maps before the beam, mK, (n_channels, n_pix)."""
-    return hi_of_sky(survey.sky)
-
-
 @product
 def hi_of_sky(survey):
-    """`hi`, kept for the sky alone: surveys that differ in their instrument share it."""
+    """HI maps before the beam, mK, (n_channels, n_pix).
+
+    `survey` is a `Survey.sky`, here and in what else is of a sky: surveys with other instruments share it.
+    """
     rng = survey.rng("hi")
     if estimate(survey)["HI light cone"] <= memory_limit():
         return hi_maps(survey, rng)
@@ -81,7 +79,7 @@ def hi_of_sky(survey):
 
 @product
 def hi_alms_of_sky(survey):
-    """Harmonic coefficients of `hi`, to 3 nside - 1, complex64: the beams share them."""
+    """Harmonic coefficients of `hi_of_sky`, to 3 nside - 1, complex64: the beams share them."""
     return sphere.analyse(hi_of_sky(survey), n_iter=sphere.N_ITER_FLAT)
 
 
@@ -91,14 +89,9 @@ def noise_alms(survey):
     return sphere.analyse(noise_maps(survey, survey.rng("noise")), n_iter=sphere.N_ITER_FLAT)
 
 
-def components(survey, galaxy):
-    """The foregrounds as a list of `PowerLaw`."""
-    return components_of_sky(survey.sky, galaxy)
-
-
 @product
 def components_of_sky(survey, galaxy):
-    """`components`, kept for the sky alone."""
+    """The foregrounds as a list of `PowerLaw`."""
     return foreground_components(survey, galaxy)
 
 
@@ -111,16 +104,11 @@ def foreground_modes_of_sky(survey, galaxy, dimming):
     return HarmonicModes(spectra=spectra, alms=sphere.analyse(maps))
 
 
-def foregrounds(survey, galaxy):
-    """Foreground maps before the beam, mK, (n_channels, n_pix); quick to make, so not kept."""
-    return emission_maps(components(survey, galaxy), survey.freqs)
-
-
 @product
 def observation(case):
     """The `Observation` of a `Case`; all cases of a survey share sky and noise."""
     survey = case.survey
-    components(survey, case.galaxy)  # a bad template shows before the long work
+    components_of_sky(survey.sky, case.galaxy)  # a bad template shows before the long work
     check_memory(survey, steps=["observing"])
     bright = foreground_modes_of_sky(survey.sky, case.galaxy, case.dimming)
     windows = case.beam.of_survey(survey)

@@ -246,7 +246,7 @@ class Realisation:
         It is without each share of them, and last without the share `evidence.CONTROL` of the faintest.
         """
         k, ratios = evidence.peak_without_lines(*self.calls("oscillating")[method][:3])
-        return evidence.BRIGHTEST, [diagnostics.band_max(k, row, *diagnostics.BUMP) for row in ratios]
+        return evidence.BRIGHTEST, [diagnostics.inside(k, row, *diagnostics.BUMP).max() for row in ratios]
 
     def by_regularisation(self):
         """{setting of the regularisation: `Comparison`} of SDecGMCA through the oscillating beam."""

@@ -12,7 +12,7 @@ from scipy.linalg import subspace_angles
 
 from himap.core.checks import whole_number
 from himap.instrument.beams.paper import Oscillating
-from himap.measures.diagnostics import BUMP, Comparison, band_max, band_mean, band_means
+from himap.measures.diagnostics import BUMP, Comparison, band_means, inside
 from himap.measures.low_rank_spectra import line_errors
 from himap.paper import cleaned, pipeline
 from himap.paper.grid import cases_of, skies_of
@@ -147,7 +147,7 @@ def _last_numbers(case, remover):
     error = np.abs(whole.angular_ratio - 1)
     numbers = {
         **flagged_shares(line_errors(cleaned.error(case, remover)), none=0),
-        "mean error": band_mean(whole.degrees, error, 9, _L_MAX + 1),
+        "mean error": inside(whole.degrees, error, 9, _L_MAX + 1).mean(),
         **_ratios(whole),
         **{f"{name}, cut": ratio for name, ratio in _ratios(cut).items() if not name.startswith("C")},
     }
@@ -157,7 +157,7 @@ def _last_numbers(case, remover):
 def _ratios(one):
     """Mean ratios of a `Comparison` in `_BANDS`, and the highest P/P0 near k = 0.31."""
     means = band_means(one.ratios, one.degrees, one.k, _BANDS, complete=False)
-    return means | {"bump": band_max(one.k, one.frequency_ratio, *BUMP)}
+    return means | {"bump": inside(one.k, one.frequency_ratio, *BUMP).max()}
 
 
 def _summary(rows):

@@ -74,7 +74,7 @@ def numbers_of(survey, beam):
         inside = {band: (power.k > low) & (power.k < high) for band, (low, high) in _K_BANDS.items()}
         return [row(quantity, power.power[k].mean(), band=band) for band, k in inside.items() if k.any()]
 
-    maps, seen = pipeline.hi(survey), seen_through(beam, survey)
+    maps, seen = pipeline.hi_of_sky(survey.sky), seen_through(beam, survey)
     rows = [row("mean", maps.mean(dtype=float)), *along("P", maps), *along("P_beam", seen)]
     cl = sphere.power_spectrum(pipeline.hi_alms_of_sky(survey.sky))
     degrees = [2, 20, *(n for n in (100, 200) if n < 2 * survey.nside), 2 * survey.nside]
