@@ -41,8 +41,8 @@ def test_cells_have_equal_area():
     """Each pixel of the sphere within a patch has as many cells, but for its edge."""
     counts = np.bincount(patch_pixels(32, np.array([0, 0, 1.0]), 0.25, 400).ravel(), minlength=12 * 32**2)
     cells = 400**2 * (4 * np.pi / (12 * 32**2)) / 0.25**2
-    whole = counts[counts > 0.5 * cells]
-    assert np.median(whole) == pytest.approx(cells, rel=0.01)
+    inside = counts[counts > 0.5 * cells]
+    assert np.median(inside) == pytest.approx(cells, rel=0.01)
 
 
 def test_patches_do_not_overlap_and_are_seen():
@@ -101,16 +101,16 @@ def test_on_the_page(rng, tmp_path):
 
 
 def test_the_truth_is_missing_where_the_cube_is(rng, tmp_path, monkeypatch):
-    """What is left of the truth itself, flagged, is as much as the truth beside it."""
+    """The residual of the truth itself, flagged, has the power of the truth."""
     maps = power_law_maps(rng)
     np.save(tmp_path / "flags.npy", rng.random(maps.shape) < 0.3)
     truth = rng.standard_normal(maps.shape).astype("f4")
     path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
     cube = read_cube(path, flags=tmp_path / "flags.npy")
-    told = read_cube(write_hdf5(tmp_path / "t.h5", truth, unit="mK", order="RING"))
+    given = read_cube(write_hdf5(tmp_path / "t.h5", truth, unit="mK", order="RING"))
     perfect = SimpleNamespace(cube=cube, residual=np.where(cube.missing, 0, truth))
     shown = []
     monkeypatch.setattr(report, "_cylindrical", lambda *powers: shown.append(powers[:2]))
-    report.patches_part(perfect, told)
-    ((left, true),) = shown
-    assert np.array_equal(left.power, true.power, equal_nan=True)
+    report.patches_part(perfect, given)
+    ((residual, true),) = shown
+    assert np.array_equal(residual.power, true.power, equal_nan=True)

@@ -108,12 +108,12 @@ def test_one_seed_is_one_sky_at_any_resolution(skies):
 
 
 def test_a_change_of_one_component_leaves_the_other(skies, monkeypatch):
-    own = synthetic._synchrotron
+    original = synthetic._synchrotron
 
     def thirsty(vectors, plane, nside, rng):
         rng.standard_normal(1000)
         rng.spawn(3)
-        return own(vectors, plane, nside, rng)
+        return original(vectors, plane, nside, rng)
 
     monkeypatch.setattr(synthetic, "_synchrotron", thirsty)
     sync, free = Galaxy().components(64, np.random.default_rng(0))
@@ -122,7 +122,6 @@ def test_a_change_of_one_component_leaves_the_other(skies, monkeypatch):
 
 
 def test_disc_brightness_is_the_integral_along_the_line_of_sight():
-    disc = synthetic._Disc(2.0, 3.0, 0.3)
     for lon, lat in [(0, 0), (3, 1), (40, -7), (180, 0.5), (250, 30), (10, 89)]:
         vector = hp.ang2vec(lon, lat, lonlat=True)
 
@@ -132,7 +131,7 @@ def test_disc_brightness_is_the_integral_along_the_line_of_sight():
             return 2.0 * np.exp((8.2 - radius) / 3.0) / np.cosh(min(abs(z) / 0.3, 300)) ** 2
 
         expected = quad(emissivity, 0, 30, points=[0.5, 2, 8.2, 12], limit=500)[0]
-        found = synthetic._disc_brightness(vector[None], disc)[0]
+        found = synthetic._disc_brightness(vector[None], 2.0, 3.0, 0.3)[0]
         assert found == pytest.approx(expected, rel=5e-3), (lon, lat)
 
 

@@ -62,9 +62,7 @@ def check_private(folder):
     except (FileNotFoundError, NotADirectoryError):
         return
     except OSError as error:
-        raise InputError(
-            f"the folder {folder} cannot be looked at ({error.strerror}). {_ELSEWHERE}"
-        ) from None
+        raise InputError(f"the folder {folder} cannot be checked ({error.strerror}). {_ELSEWHERE}") from None
     if hasattr(os, "geteuid") and status.st_uid != os.geteuid():
         raise InputError(
             f"the folder {folder} belongs to another user (number {status.st_uid}), who could put anything "
@@ -211,7 +209,7 @@ def _move(files):
 
 
 def complete_abandoned(home):
-    """Complete or remove what ended processes left in the folder `home`.
+    """Complete or remove what ended processes did not finish in the folder `home`.
 
     Returns
     -------
@@ -232,7 +230,7 @@ def complete_abandoned(home):
 def check_free(paths, *, overwrite):
     """Refuse, before the work, output files of one folder that cannot be written, or that exist.
 
-    What a killed process left is completed first, and may be overwritten.
+    What a killed process did not finish is completed first, and may be overwritten.
 
     Raises
     ------

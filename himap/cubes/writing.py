@@ -14,7 +14,6 @@ import numpy as np
 from himap import __version__
 from himap.core.errors import InputError, plain_text, shortened
 from himap.core.files import check_free, whole_files
-from himap.core.reading import there_is
 
 OUTPUTS = (".h5", ".hdf5", ".fits", ".fits.gz", ".npy")
 """What the name of a cleaned cube ends with."""
@@ -89,7 +88,7 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
             f"the output {path} cannot be written ({reason}): is {folder} a folder that can be, and the "
             "name one that a file can have?"
         ) from None
-    originals = {Path(os.path.realpath(each)) for each in inputs if there_is(each)}
+    originals = {Path(os.path.realpath(each)) for each in inputs if os.path.lexists(each)}
     for each, place in zip(paths, places, strict=True):
         if originals & {place, folder}:
             raise InputError(f"{each} would change what it is made from; choose another output.")
