@@ -17,7 +17,7 @@ import himap
 from himap.app.kernels import LocalKernelManager
 from himap.core import files
 from himap.core.errors import InputError
-from himap.core.files import is_abandoned, own_name, run_folder
+from himap.core.files import is_abandoned, run_folder, unfinished_name
 
 ROOT = str(Path(himap.__file__).parents[1])
 
@@ -40,7 +40,7 @@ def test_only_what_ended_here_is_abandoned(tmp_path, ended):
     assert is_abandoned(folder(tmp_path, ended))
     assert not is_abandoned(folder(tmp_path, os.getpid()))
     assert not is_abandoned(folder(tmp_path, ended, host="elsewhere"))
-    own = tmp_path / own_name("himap")
+    own = tmp_path / unfinished_name("himap")
     own.mkdir()
     assert not is_abandoned(own)
     (tmp_path / "himap-thesis").mkdir()

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from himap.core.errors import InputError
-from himap.core.files import whole_file
+from himap.core.files import atomic_files
 from himap.core.reading import regular_file
 from himap.store.fingerprint import CodeTree, moved
 from himap.store.parallel import dask_address
@@ -168,7 +168,7 @@ class Record:
         head = [f"{json.dumps(name)}: {json.dumps(value)}" for name, value in head.items()]
         rows = ",\n".join(json.dumps(line, allow_nan=False) for line in lines)
         head.append(f'"columns": {json.dumps(list(self.rows))}')
-        with whole_file(path) as temporary:
+        with atomic_files(path) as (temporary,):
             temporary.write_text("{" + ",\n".join(head) + f',\n"rows": [\n{rows}\n]}}\n')
 
     @classmethod

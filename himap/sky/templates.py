@@ -12,7 +12,7 @@ import numpy as np
 
 from himap.core.checks import power_of_two
 from himap.core.errors import InputError
-from himap.core.files import complete_abandoned, whole_files
+from himap.core.files import atomic_files, complete_abandoned
 from himap.core.reading import regular_file
 from himap.maps.healpix_io import (
     MILLIKELVIN,
@@ -284,7 +284,7 @@ def write_templates(folder, nside):
         stated = f"{freq:.10g}MHz" if freq < 1e3 else f"{freq / 1e3:.10g}GHz"
         files[f"{name}_{stated}_K_nside{nside}.fits"] = (template.amplitude / MILLIKELVIN["K"], "T", "K_RJ")
     cards = [("PYSM3", pysm_version(), "version that the maps are from")]
-    with whole_files(*(folder / name for name in files)) as temporary:
+    with atomic_files(*(folder / name for name in files)) as temporary:
         for target, (pixels, column, unit) in zip(temporary, files.values(), strict=True):
             maps = pixels[None].astype(np.float32)
             write_maps(target, maps, names=[column], unit=unit, nested=False, frame="G", cards=cards)

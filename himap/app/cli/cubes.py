@@ -16,7 +16,7 @@ from himap.app.cli.cube_options import COMMON, METHOD, MOCKS, WEIGHTS
 from himap.app.cli.shared import NamesOption, named_values, with_options
 from himap.app.parameters import parse_texts
 from himap.core.errors import InputError, plain_text
-from himap.core.files import whole_files
+from himap.core.files import atomic_files
 from himap.core.reading import is_file, regular_file
 
 _READING = ("freqs", "unit", "order", "frame", "rotate", "maps_name", "freqs_name", "axes")
@@ -74,7 +74,7 @@ def _output(asked, endings=(), page=True):
 
 def _write(asked, files, write, *, remarks=(), timed=True):
     """Write all `files` or none, ``write(temporary names)``, and say remarks and their names."""
-    with whole_files(*files) as temporary:
+    with atomic_files(*files) as temporary:
         write(temporary)
     _tell(asked, *remarks)
     took = f"  ({time.monotonic() - asked.started:.0f} s)" if timed else ""
