@@ -28,9 +28,9 @@ def test_cubes_keep_float32_and_widen_the_rest(maps):
 
 
 def test_spectra_of_integer_maps_are_those_of_the_numbers(maps):
-    whole = (100 * maps).astype(np.int16)
-    expected = spectra.angular_power(whole.astype(float)).cl
-    assert spectra.angular_power(whole).cl == pytest.approx(expected)
+    integers = (100 * maps).astype(np.int16)
+    expected = spectra.angular_power(integers.astype(float)).cl
+    assert spectra.angular_power(integers).cl == pytest.approx(expected)
 
 
 def test_frequencies_in_other_units(maps):

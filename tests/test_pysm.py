@@ -83,8 +83,8 @@ def test_the_sky_of_the_files_is_the_closed_form(pysm3, tmp_path):
 
 def test_no_finer_maps_are_asked_for_than_pysm_has(pysm3, monkeypatch):
     monkeypatch.setattr(galaxy, "refine_template", lambda template, *_, **__: template.name)
-    found = Galaxy(source="pysm3").components(1024, np.random.default_rng(0))
-    assert found == ["synchrotron", "free-free"] and pysm3.asked == [(512, ["s1", "f1"])]
+    components = Galaxy(source="pysm3").components(1024, np.random.default_rng(0))
+    assert components == ["synchrotron", "free-free"] and pysm3.asked == [(512, ["s1", "f1"])]
 
 
 def test_one_index_for_all_pixels(pysm3, tmp_path, monkeypatch):

@@ -143,9 +143,9 @@ class TestSameBits:
         for _ in range(400):
             shuffle(lmax)
             field, maps = sphere.synthesise_grid(alm), sphere.synthesise(alm, 32)
-            found = field, maps, sphere.analyse_grid(field, lmax), sphere.analyse(maps, lmax, n_iter=1)
-            expected = expected or found
-            assert all(map(np.array_equal, found, expected))
+            results = field, maps, sphere.analyse_grid(field, lmax), sphere.analyse(maps, lmax, n_iter=1)
+            expected = expected or results
+            assert all(map(np.array_equal, results, expected))
 
 
 class TestGrid:
