@@ -18,7 +18,7 @@ from benchmarks.cases import case_options
 from benchmarks.machine import Machine
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS, prepare
-from himap.core.files import whole_file
+from himap.core.files import atomic_files
 from himap.store.provenance import Provenance
 
 
@@ -50,7 +50,7 @@ def main(preset, case, only, alone, output):
         if output:  # after each, for the next may run out of memory
             about = _about(preset, case, started)
             text = json.dumps({"about": about, "machine": asdict(machine), "steps": rows}, indent=1)
-            with whole_file(output) as temporary:
+            with atomic_files(output) as (temporary,):
                 temporary.write_text(text + "\n")
 
 

@@ -25,7 +25,7 @@ import numpy as np
 import psutil
 
 from benchmarks.places import Place
-from himap.core.files import whole_file
+from himap.core.files import atomic_files
 from himap.core.survey import PRESETS
 from himap.store.provenance import Provenance
 
@@ -203,7 +203,7 @@ def main(kills, pairs, only, seed, output):
             if output:  # after each, for the next takes long
                 about = asdict(Provenance.of(PRESETS["ci"], galaxy="synthetic", preset="ci", started=started))
                 about["overrides"] = [pair.split("=", 1) for pair in pairs]
-                with whole_file(output) as temporary:
+                with atomic_files(output) as (temporary,):
                     temporary.write_text(json.dumps({"about": about, "found": found}, indent=1) + "\n")
 
 

@@ -16,7 +16,7 @@ import click
 from himap.app.figures import figures
 from himap.app.notebook_files import STAMP, read_notebook
 from himap.core.errors import InputError
-from himap.core.files import whole_file
+from himap.core.files import atomic_files
 from himap.sky.galaxy import Galaxy
 
 PLACES = {"template_dir"}  # parameters that say where something lies on one machine
@@ -33,14 +33,14 @@ def main(copies, target):
         made = without_places(stamp["parameters"])
         for figure in figures(copy):
             if figure.paper:
-                with whole_file(Path(target, f"{figure.name}.png")) as temporary:
+                with atomic_files(Path(target, f"{figure.name}.png")) as (temporary,):
                     temporary.write_bytes(figure.png)
                 about = {"name": figure.name, "paper": figure.paper, "parameters": made}
                 about |= {"code": stamp["fingerprint"], "execution": stamp["execution"]}
                 rows.append(about | {"panels": curves(figure)})
     if not rows:
         raise click.ClickException("none of these notebooks has a figure of the paper.")
-    with whole_file(Path(target, "figures.json")) as temporary:
+    with atomic_files(Path(target, "figures.json")) as (temporary,):
         temporary.write_text(json.dumps({"figures": rows}, separators=(",", ":")) + "\n")
 
 

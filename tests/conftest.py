@@ -50,7 +50,7 @@ LONGEST = [
 
 
 def pytest_collection_modifyitems(items):
-    """What takes longest comes first, so that no worker is left with it at the end.
+    """What takes longest comes first, so that no worker has it at the end.
 
     The first also renders the book, before other files wait for that.
     """
@@ -79,7 +79,7 @@ def real_sky():
 
 @pytest.fixture
 def lab(tmp_path, monkeypatch, request):
-    """A module of its own with products; tells what it `computed`, and can `start` code on it elsewhere."""
+    """A module of its own with products; says what it `computed`, and can `start` code on it elsewhere."""
     name = "lab_" + request.node.name.partition("[")[0]
     shutil.copy(Path(__file__).with_name("product_lab.py"), tmp_path / f"{name}.py")
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
@@ -163,7 +163,7 @@ def address(html):
     server.server_close()
 
 
-@pytest.fixture(scope="module")  # its event loop stands in the way of other tests
+@pytest.fixture(scope="module")  # its event loop gets in the way of other tests
 def browser():
     """A Chromium without window."""
     if CHROMIUM is None:

@@ -17,7 +17,7 @@ import himap
 from himap.app.kernels import LocalKernelManager
 from himap.core import files
 from himap.core.errors import InputError
-from himap.core.files import is_abandoned, own_name, run_folder
+from himap.core.files import is_abandoned, run_folder, unfinished_name
 
 ROOT = str(Path(himap.__file__).parents[1])
 
@@ -44,7 +44,7 @@ def test_only_what_ended_here_is_abandoned(tmp_path, ended):
     assert not is_abandoned(ours)
     os.utime(ours, (time.time() - 10**6,) * 2)
     assert is_abandoned(ours)
-    for name in (own_name("himap"), "himap-thesis"):
+    for name in (unfinished_name("himap"), "himap-thesis"):
         (tmp_path / name).mkdir()
         assert not is_abandoned(tmp_path / name)
 

@@ -71,9 +71,7 @@ def test_only_foregrounds_are_dimmed():
     assert fainter.maps[:, near].mean() < 0.2 * seen.maps[:, near].mean()
 
 
-def test_a_dimmed_case_is_a_product_of_its_own():
+def test_a_dimmed_case_is_another_product():
     cases = (pipeline.Case(survey=SMALL, dimming=one) for one in (Dimming(), None))
     one, two = (cleaned.residual(case, PCA(n_sources=2)) for case in cases)
     assert not np.array_equal(one, two)
-    with pytest.raises(InputError, match="dimming must be a Dimming or None, got 0.1"):
-        pipeline.Case(survey=SMALL, dimming=0.1)

@@ -13,7 +13,7 @@ import pytest
 
 import himap
 from himap.core.errors import InputError
-from himap.core.files import check_free, complete_abandoned, whole_file, whole_files
+from himap.core.files import atomic_files, check_free, complete_abandoned
 
 NAMES = ("a.txt", "b.txt", "c.txt")
 
@@ -30,7 +30,7 @@ def replace(source, target):
     rename(source, target)
 
 rename, os.replace = os.replace, replace
-with files.whole_files(*{names}) as files:
+with files.atomic_files(*{names}) as files:
     for file in files:
         file.write_text("new")
 """
@@ -63,7 +63,7 @@ def test_a_set_is_there_or_not_wherever_it_is_killed(tmp_path, monkeypatch, befo
     complete_abandoned(Path())
     assert held() == (dict.fromkeys(NAMES, "new") if after else before)
     assert set(os.listdir()) == set(held())
-    with whole_files(*NAMES) as files:
+    with atomic_files(*NAMES) as files:
         for file in files:
             file.write_text("again")
     assert held() == dict.fromkeys(NAMES, "again") and len(os.listdir()) == 3
@@ -72,9 +72,9 @@ def test_a_set_is_there_or_not_wherever_it_is_killed(tmp_path, monkeypatch, befo
 
 
 def test_what_is_being_written_is_left_alone(tmp_path):
-    with whole_file(tmp_path / "a") as first:
+    with atomic_files(tmp_path / "a") as (first,):
         first.write_text("1")
-        with whole_file(tmp_path / "b") as second:
+        with atomic_files(tmp_path / "b") as (second,):
             second.write_text("2")
         assert complete_abandoned(tmp_path) == set()
     assert sorted(os.listdir(tmp_path)) == ["a", "b"]
@@ -94,7 +94,7 @@ def test_a_list_renames_nothing_elsewhere(tmp_path):
 
 
 def test_an_error_leaves_nothing(tmp_path):
-    with pytest.raises(KeyError), whole_files(tmp_path / "a", tmp_path / "b") as (first, _):
+    with pytest.raises(KeyError), atomic_files(tmp_path / "a", tmp_path / "b") as (first, _):
         first.write_text("1")
         raise KeyError
     assert os.listdir(tmp_path) == []
@@ -105,7 +105,7 @@ def test_the_file_that_cannot_be_written_is_named(tmp_path):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     files = [tmp_path / name for name in NAMES]
     message = f"b.txt cannot be written .{os.strerror(errno.EFBIG)}"
-    with pytest.raises(InputError, match=message), whole_files(*files) as temporary:
+    with pytest.raises(InputError, match=message), atomic_files(*files) as temporary:
         temporary[0].write_text("small")
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
         try:

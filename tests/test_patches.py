@@ -23,7 +23,7 @@ def test_cells_are_those_of_zea(lonlat):
     nside, n_cells, side = 64, 30, 0.2
     lon, lat = np.deg2rad(lonlat)
     centre = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
-    found = patch_pixels(nside, centre, side, n_cells)
+    measured = patch_pixels(nside, centre, side, n_cells)
     pole = np.eye(3)[np.argmin(np.abs(centre))]
     wcs = WCS(naxis=2)
     wcs.wcs.ctype, wcs.wcs.crval = ["GLON-ZEA", "GLAT-ZEA"], list(lonlat)
@@ -33,7 +33,7 @@ def test_cells_are_those_of_zea(lonlat):
     turn = np.arctan2(np.cross(north, ours) @ centre, north @ ours)
     wcs.wcs.cd = step * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     expected = wcs.all_pix2world(*np.meshgrid(np.arange(n_cells), np.arange(n_cells)), 0)
-    same = sphere.pixel_at(nside, *expected) == found
+    same = sphere.pixel_at(nside, *expected) == measured
     assert same.mean() > 0.995  # the rest lies on an edge between two pixels
 
 
@@ -41,8 +41,8 @@ def test_cells_have_equal_area():
     """Each pixel of the sphere within a patch has as many cells, but for its edge."""
     counts = np.bincount(patch_pixels(32, np.array([0, 0, 1.0]), 0.25, 400).ravel(), minlength=12 * 32**2)
     cells = 400**2 * (4 * np.pi / (12 * 32**2)) / 0.25**2
-    whole = counts[counts > 0.5 * cells]
-    assert np.median(whole) == pytest.approx(cells, rel=0.01)
+    inside = counts[counts > 0.5 * cells]
+    assert np.median(inside) == pytest.approx(cells, rel=0.01)
 
 
 def test_patches_do_not_overlap_and_are_seen():
@@ -70,16 +70,16 @@ def test_white_noise_of_pixels(masked, rng):
     """sigma^2 times the volume of a voxel and the window of a square pixel, 1 - (k a)^2 / 12."""
     nside, sigma = 64, 0.7
     cube = white_cube(rng, nside, sigma, np.abs(sphere.pixel_latitude(nside)) > 20 if masked else None)
-    found, n_patches = patch_power(cube, cube.maps)
+    measured, n_patches = patch_power(cube, cube.maps)
     assert n_patches == 48 if not masked else 20 < n_patches <= 48
     pixel = np.sqrt(4 * np.pi / (12 * nside**2))
     (along, across, _), _ = cell_of(cube.freqs, (pixel, pixel))
     expected = sigma**2 * along * across**2
-    low = found.k_perp < 0.3 * np.pi / across
-    window = 1 - (found.k_perp[low] * across) ** 2 / 12
-    ratio, n_modes = found.power[:, low] / (expected * window), found.n_modes[:, low]
+    low = measured.k_perp < 0.3 * np.pi / across
+    window = 1 - (measured.k_perp[low] * across) ** 2 / 12
+    ratio, n_modes = measured.power[:, low] / (expected * window), measured.n_modes[:, low]
     assert np.average(ratio, weights=n_modes) == pytest.approx(1, abs=4 / np.sqrt(n_modes.sum()))
-    assert found.perp_edges[-1] <= np.pi / across
+    assert measured.perp_edges[-1] <= np.pi / across
 
 
 def test_what_has_no_patch_is_refused(rng):
@@ -101,16 +101,16 @@ def test_on_the_page(rng, tmp_path):
 
 
 def test_the_truth_is_missing_where_the_cube_is(rng, tmp_path, monkeypatch):
-    """What is left of the truth itself, flagged, is as much as the truth beside it."""
+    """The residual of the truth itself, flagged, has the power of the truth."""
     maps = power_law_maps(rng)
     np.save(tmp_path / "flags.npy", rng.random(maps.shape) < 0.3)
     truth = rng.standard_normal(maps.shape).astype("f4")
     path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
     cube = read_cube(path, flags=tmp_path / "flags.npy")
-    told = read_cube(write_hdf5(tmp_path / "t.h5", truth, unit="mK", order="RING"))
+    given = read_cube(write_hdf5(tmp_path / "t.h5", truth, unit="mK", order="RING"))
     perfect = SimpleNamespace(cube=cube, residual=np.where(cube.missing, 0, truth))
     shown = []
     monkeypatch.setattr(report, "_cylindrical", lambda *powers: shown.append(powers[:2]))
-    report.patches_part(perfect, told)
-    ((left, true),) = shown
-    assert np.array_equal(left.power, true.power, equal_nan=True)
+    report.patches_part(perfect, given)
+    ((residual, true),) = shown
+    assert np.array_equal(residual.power, true.power, equal_nan=True)

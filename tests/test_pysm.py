@@ -1,24 +1,20 @@
 """The files that `himap templates` writes, of a PySM whose maps are known."""
 
-import re
 import sys
 from importlib import import_module
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from skies import lognormal
 
-from himap.app.cli.main import main
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_io import read_maps
-from himap.sky import templates
+from himap.sky import galaxy, templates
 from himap.sky.emission import emission_maps
 from himap.sky.galaxy import Galaxy
-from himap.sky.templates import digest_of, nsides_of, write_templates
+from himap.sky.templates import digest_of, write_templates
 
 NSIDE = 16
 SYNCHROTRON = 20 * lognormal(NSIDE)  # K at 408 MHz
@@ -40,13 +36,12 @@ def pysm3(monkeypatch):
 
     def sky(*, nside, preset_strings):
         module.asked.append((nside, preset_strings))
-        synchrotron = SimpleNamespace(
-            I_ref=1e6 * SYNCHROTRON * u.uK_RJ, freq_ref_I=0.408 * u.GHz, pl_index=INDEX * u.one
-        )
-        free_free = SimpleNamespace(
-            I_ref=1e6 * FREE_FREE * u.uK_RJ, freq_ref_I=30 * u.GHz, pl_index=module.free_free_index * u.one
-        )
-        return SimpleNamespace(components=[synchrotron, free_free])
+        rows = (SYNCHROTRON, 0.408, INDEX), (FREE_FREE, 30, module.free_free_index)
+        parts = [
+            SimpleNamespace(I_ref=1e6 * kelvin * u.uK_RJ, freq_ref_I=freq * u.GHz, pl_index=index * u.one)
+            for kelvin, freq, index in rows
+        ]
+        return SimpleNamespace(components=parts)
 
     module.Sky = sky
     monkeypatch.setitem(sys.modules, "pysm3", module)
@@ -62,16 +57,12 @@ def test_files(pysm3, tmp_path):
     paths = write_templates(tmp_path / "new" / "maps", NSIDE)
     assert sorted(path.name for path in paths) == names(tmp_path / "new" / "maps") == FILES
     free_free, synchrotron, index = (read_maps(tmp_path / "new" / "maps" / name) for name in FILES)
-    for file, pixels, unit in (
-        (synchrotron, SYNCHROTRON, "K_RJ"),
-        (free_free, FREE_FREE, "K_RJ"),
-        (index, INDEX, None),
-    ):
+    columns = (synchrotron, SYNCHROTRON, "K_RJ"), (free_free, FREE_FREE, "K_RJ"), (index, INDEX, None)
+    for file, pixels, unit in columns:
         assert file.maps.shape == (1, 12 * NSIDE**2) and file.maps.dtype == np.float32
         assert file.maps[0] == pytest.approx(pixels, rel=1e-6)
         assert (file.units, file.nested, file.frame, file.partial) == ((unit,), False, "G", False)
         assert file.header["PYSM3"] == "3.4.6"
-    assert nsides_of(tmp_path / "new" / "maps") == dict.fromkeys(("index", "synchrotron", "free-free"), NSIDE)
 
 
 def test_the_sky_of_the_files_is_the_closed_form(pysm3, tmp_path):
@@ -91,12 +82,12 @@ def test_the_sky_of_the_files_is_the_closed_form(pysm3, tmp_path):
 
 
 def test_no_finer_maps_are_asked_for_than_pysm_has(pysm3, monkeypatch):
-    monkeypatch.setattr(templates.Template, "power_law", lambda self, *_, **__: self.name)
-    found = Galaxy(source="pysm3").components(1024, np.random.default_rng(0))
-    assert found == ["synchrotron", "free-free"] and pysm3.asked == [(512, ["s1", "f1"])]
+    monkeypatch.setattr(galaxy, "refine_template", lambda template, *_, **__: template.name)
+    components = Galaxy(source="pysm3").components(1024, np.random.default_rng(0))
+    assert components == ["synchrotron", "free-free"] and pysm3.asked == [(512, ["s1", "f1"])]
 
 
-def test_one_index_for_the_whole_sky(pysm3, tmp_path, monkeypatch):
+def test_one_index_for_all_pixels(pysm3, tmp_path, monkeypatch):
     monkeypatch.setattr(sys.modules[__name__], "INDEX", -3.0)
     write_templates(tmp_path, NSIDE)
     (index,) = read_maps(tmp_path / "synchrotron_beta_nside16.fits").maps
@@ -110,7 +101,7 @@ def test_another_free_free_index_has_no_place_in_files(pysm3, tmp_path):
     assert names(tmp_path) == []
 
 
-def test_a_folder_that_holds_something_is_left_as_it_is(pysm3, tmp_path):
+def test_a_folder_that_holds_something_is_not_changed(pysm3, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match="new or an empty folder, but .* holds notes.txt; give another"):
         write_templates(tmp_path, NSIDE)
@@ -137,14 +128,7 @@ def test_three_files_or_none(pysm3, tmp_path, monkeypatch):
     assert len(written) == 2 and names(tmp_path / "maps") == []
 
 
-@pytest.mark.parametrize(
-    ("nside", "message"),
-    [
-        (48, "power of two, got 48; try 32 or 64"),
-        (1024, "between 4 and 512, got 1024"),
-        (2, "between 4 and 512"),
-    ],
-)
+@pytest.mark.parametrize(("nside", "message"), [(48, "try 32 or 64"), (1024, "between 4 and 512, got 1024")])
 def test_an_nside_that_cannot_be(pysm3, tmp_path, nside, message):
     with pytest.raises(InputError, match=message):
         write_templates(tmp_path / "maps", nside)
@@ -152,35 +136,26 @@ def test_an_nside_that_cannot_be(pysm3, tmp_path, nside, message):
 
 
 class TestCommand:
-    @staticmethod
-    def call(*arguments):
-        result = CliRunner().invoke(main, ["templates", *map(str, arguments)])
-        return result.exit_code, result.stdout, result.stderr
-
-    def test_files_are_named(self, pysm3, tmp_path):
-        code, out, err = self.call(tmp_path / "maps", "--nside", NSIDE)
+    def test_files_are_named(self, pysm3, himap_command, tmp_path):
+        code, out, err = himap_command("templates", "maps", "--nside", "16")
         assert (code, err) == (0, "") and names(tmp_path / "maps") == FILES
         *paths, checksum, last = out.splitlines()
-        assert sorted(paths) == [str(tmp_path / "maps" / name) for name in FILES]
+        assert sorted(paths) == [f"maps/{name}" for name in FILES]
         assert checksum == f"checksum {digest_of(tmp_path / 'maps')}"
-        assert last.startswith(f"for -p galaxy=templates -p template_dir={tmp_path / 'maps'}  (")
+        assert last.startswith("for -p galaxy=templates -p template_dir=maps  (")
 
-    def test_the_page_on_data_has_such_checksums(self):
-        page = (Path(__file__).parents[1] / "book" / "data.md").read_text()
-        assert len(re.findall(r"\b[0-9a-f]{64}\b", page)) == 4  # three files, and all together
-
-    def test_without_pysm3(self, tmp_path, monkeypatch):
+    def test_without_pysm3(self, himap_command, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "pysm3", None)
-        code, out, err = self.call(tmp_path / "maps")
+        code, out, err = himap_command("templates", "maps")
         assert (code, out) == (2, "") and "pip install pysm3" in err and "Traceback" not in err
         assert names(tmp_path) == []
 
-    def test_without_network(self, pysm3, tmp_path):
+    def test_without_network(self, pysm3, himap_command, tmp_path):
         def sky(**options):
             raise OSError("no route to host")
 
         pysm3.Sky = sky
-        code, out, err = self.call(tmp_path / "maps")
+        code, out, err = himap_command("templates", "maps")
         assert (code, out) == (2, "") and "could not download its templates (no route to host)" in err
         assert all(word in err for word in ("go online once", "'synthetic'", "'templates'"))
         assert names(tmp_path) == []

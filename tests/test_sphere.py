@@ -7,7 +7,6 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
 from himap.maps import sphere
 
 NSIDE = 16
@@ -41,12 +40,6 @@ def test_float32_in_float32_out(pixels):
     assert alm32 == pytest.approx(sphere.analyse(pixels), abs=1e-6)
 
 
-def test_linear(pixels, rng):
-    other = rng.standard_normal(pixels.size)
-    together = sphere.analyse(2 * pixels - 3 * other)
-    assert together == pytest.approx(2 * sphere.analyse(pixels) - 3 * sphere.analyse(other), abs=1e-12)
-
-
 def test_round_trip(alm):
     """Exact where HEALPix quadrature converges, up to 2 nside; every refinement brings it closer."""
     pixels = sphere.synthesise(alm, NSIDE)
@@ -54,13 +47,6 @@ def test_round_trip(alm):
     errors = [np.abs(sphere.analyse(pixels, 2 * NSIDE, n_iter=n) - inside).max() for n in (0, 3, 6)]
     assert errors[0] > 20 * errors[1] > 20 * errors[2]
     assert errors[1] < 2e-3
-
-
-def test_parseval(alm):
-    """The mean square of a map is sum (2 l + 1) C_l / 4 pi."""
-    pixels = sphere.synthesise(alm, NSIDE)
-    power = ((2 * np.arange(LMAX + 1) + 1) * sphere.power_spectrum(alm)).sum() / (4 * np.pi)
-    assert (pixels**2).mean() == pytest.approx(power, rel=1e-3)
 
 
 def test_cubes_are_transformed_map_by_map(pixels):
@@ -118,32 +104,15 @@ def test_sizes():
     assert np.array_equal(sphere.alm_degree(10), ells)
 
 
-@pytest.mark.parametrize("n_pix", [100, 12 * 9**2])
-def test_bad_map_size(n_pix):
-    with pytest.raises(InputError, match=f"got {n_pix} pixels"):
-        sphere.nside_of(np.zeros(n_pix))
-
-
-def test_bad_alm_size():
-    with pytest.raises(InputError, match="12 is not the number"):
-        sphere.lmax_of_size(12)
-
-
-def test_short_beam(alm):
-    with pytest.raises(InputError, match=f"reach l = {LMAX}, got 9"):
-        sphere.multiply_beam(alm, np.ones(10))
-
-
 def test_closely_analysed_maps_come_back(rng):
     """Near l = 3 nside the quadrature of `analyse` leaves percents, least squares next to nothing."""
     alm = sphere.gaussian_alm(1 / (1.0 + np.arange(LMAX + 1)) ** 2, rng)
     pixels = sphere.synthesise(alm, NSIDE)
-    left = [
+    errors = [
         (pixels - sphere.synthesise(analysed, NSIDE)).std() / pixels.std()
         for analysed in (sphere.analyse_closely(pixels, LMAX, 1e-5), sphere.analyse(pixels))
     ]
-    assert left[0] < 3e-3
-    assert left[0] < 0.1 * left[1]
+    assert errors[0] < min(3e-3, 0.1 * errors[1])
 
 
 class TestSameBits:
@@ -174,9 +143,9 @@ class TestSameBits:
         for _ in range(400):
             shuffle(lmax)
             field, maps = sphere.synthesise_grid(alm), sphere.synthesise(alm, 32)
-            found = field, maps, sphere.analyse_grid(field, lmax), sphere.analyse(maps, lmax, n_iter=1)
-            expected = expected or found
-            assert all(map(np.array_equal, found, expected))
+            results = field, maps, sphere.analyse_grid(field, lmax), sphere.analyse(maps, lmax, n_iter=1)
+            expected = expected or results
+            assert all(map(np.array_equal, results, expected))
 
 
 class TestGrid:

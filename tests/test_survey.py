@@ -43,12 +43,6 @@ def test_the_sky_does_not_depend_on_the_instrument():
     assert survey.sky == Survey.preset("ci", seed=3)
 
 
-@pytest.mark.parametrize("r_smooth", [-1, 100.5, float("nan"), float("inf"), "2", None, True])
-def test_smoothing_that_is_none_is_refused(r_smooth):
-    with pytest.raises(InputError, match=r"r_smooth \(Gaussian smoothing.*must be .*, got"):
-        Survey(r_smooth=r_smooth)
-
-
 def test_unknown_names_list_what_exists():
     with pytest.raises(InputError, match="ci, quick, laptop, paper"):
         Survey.preset("huge")

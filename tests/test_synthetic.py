@@ -40,14 +40,14 @@ def skies():
 @pytest.mark.parametrize(("which", "name"), list(enumerate(REAL)))
 def test_synthetic_sky_has_the_statistics_of_the_real_one(skies, which, name):
     """Typical (geometric mean) over seeds: medians within 15 %, 99 % within 30 %, C_l within a factor 2."""
-    found = [[], [], []]
+    measured = [[], [], []]
     for sky in skies:
         pixels = sky[which].amplitude
         assert sky[which].name == name
-        found[0].append([np.median(band) for band in bands(pixels)])
-        found[1].append([np.percentile(band, 99) for band in bands(pixels)])
-        found[2].append(spectrum(pixels)[DEGREES])
-    for values, real, factor in zip(found, REAL[name], (1.15, 1.3, 2.0), strict=True):
+        measured[0].append([np.median(band) for band in bands(pixels)])
+        measured[1].append([np.percentile(band, 99) for band in bands(pixels)])
+        measured[2].append(spectrum(pixels)[DEGREES])
+    for values, real, factor in zip(measured, REAL[name], (1.15, 1.3, 2.0), strict=True):
         offset = np.mean(np.log(values), axis=0) - np.log(real)
         assert np.abs(offset).max() < np.log(factor), np.exp(offset)
 
@@ -108,12 +108,12 @@ def test_one_seed_is_one_sky_at_any_resolution(skies):
 
 
 def test_a_change_of_one_component_leaves_the_other(skies, monkeypatch):
-    own = synthetic._synchrotron
+    original = synthetic._synchrotron
 
     def thirsty(vectors, plane, nside, rng):
         rng.standard_normal(1000)
         rng.spawn(3)
-        return own(vectors, plane, nside, rng)
+        return original(vectors, plane, nside, rng)
 
     monkeypatch.setattr(synthetic, "_synchrotron", thirsty)
     sync, free = Galaxy().components(64, np.random.default_rng(0))
@@ -122,7 +122,6 @@ def test_a_change_of_one_component_leaves_the_other(skies, monkeypatch):
 
 
 def test_disc_brightness_is_the_integral_along_the_line_of_sight():
-    disc = synthetic._Disc(2.0, 3.0, 0.3)
     for lon, lat in [(0, 0), (3, 1), (40, -7), (180, 0.5), (250, 30), (10, 89)]:
         vector = hp.ang2vec(lon, lat, lonlat=True)
 
@@ -132,8 +131,8 @@ def test_disc_brightness_is_the_integral_along_the_line_of_sight():
             return 2.0 * np.exp((8.2 - radius) / 3.0) / np.cosh(min(abs(z) / 0.3, 300)) ** 2
 
         expected = quad(emissivity, 0, 30, points=[0.5, 2, 8.2, 12], limit=500)[0]
-        found = synthetic._disc_brightness(vector[None], disc)[0]
-        assert found == pytest.approx(expected, rel=5e-3), (lon, lat)
+        measured = synthetic._disc_brightness(vector[None], 2.0, 3.0, 0.3)[0]
+        assert measured == pytest.approx(expected, rel=5e-3), (lon, lat)
 
 
 def test_coefficients_have_the_spectrum_and_do_not_depend_on_lmax(rng):
@@ -145,7 +144,7 @@ def test_coefficients_have_the_spectrum_and_do_not_depend_on_lmax(rng):
     white = synthetic._gaussian_alm(np.ones(64), rng)
     white[64:] *= np.sqrt(2)
     used = np.concatenate([white.real, white.imag[64:]])
-    assert len(np.unique(used.round(12))) == 64**2  # every coefficient is a number of its own
+    assert len(np.unique(used.round(12))) == 64**2  # every coefficient is another number
     mean = np.mean([hp.alm2cl(synthetic._gaussian_alm(cl, rng)) for _ in range(200)], axis=0)
     scatter = np.sqrt(2 / (200 * (2 * np.arange(64) + 1)))
     assert np.abs((mean / cl - 1) / scatter).max() < 4.5

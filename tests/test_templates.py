@@ -209,7 +209,7 @@ def test_flat_map_gets_no_structure(rng, level):
     assert small_scales.refine(np.full(768, level), 16, rng) == pytest.approx(level, rel=1e-4)
 
 
-def test_components_of_templates_have_streams_of_their_own(folder):
+def test_components_of_templates_have_separate_streams(folder):
     first = components(folder, 64)
     write(folder, "synchrotron_408MHz.fits", 30 * lognormal(64, 7))  # needs no small scales, draws nothing
     second = components(folder, 64)
@@ -245,8 +245,8 @@ def test_real_templates(real_sky):
 
 
 def test_real_templates_at_other_resolutions(real_sky):
-    own, coarse, fine = (components(real_sky, nside) for nside in (64, 32, 128))
-    for at_64, at_32, at_128 in zip(own, coarse, fine, strict=True):
+    same, coarse, fine = (components(real_sky, nside) for nside in (64, 32, 128))
+    for at_64, at_32, at_128 in zip(same, coarse, fine, strict=True):
         assert at_32.amplitude.mean() == pytest.approx(at_64.amplitude.mean(), rel=1e-12)
         assert at_128.amplitude.min() > 0
         back = hp.ud_grade(at_128.amplitude, 64)

@@ -14,7 +14,7 @@ import re
 import tempfile
 
 from himap.core.errors import InputError
-from himap.core.files import check_free, whole_file
+from himap.core.files import atomic_files, check_free
 
 STAMP = "himap_run"
 """Key of the stamp in the metadata; not ``himap``, the header's, which jupytext copies to the .py."""
@@ -129,7 +129,7 @@ def write_notebook(node, path):
     """Write a notebook under another name, then rename it: whole or not at all."""
     import nbformat
 
-    with whole_file(path) as temporary:
+    with atomic_files(path) as (temporary,):
         temporary.write_text(nbformat.writes(node) + "\n", encoding="utf-8")
 
 

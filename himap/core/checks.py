@@ -130,7 +130,7 @@ def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=Fal
         The values that there are.
     off
         The value with which all is as it was without this field: it then counts in no key of a product, so
-        that results made before it was added are still found.
+        that results made before it was added stay valid.
     """
     limits = {"minimum": minimum, "maximum": maximum, "above": above, "choices": choices}
     limits |= {} if off is MISSING else {"off": off}
@@ -138,39 +138,26 @@ def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=Fal
 
 
 def checked_fields(instance):
-    """Put every field of a frozen dataclass, each a `parameter`, through `checked_field`."""
-    for item in fields(instance):
-        object.__setattr__(instance, item.name, checked_field(item, getattr(instance, item.name)))
-
-
-def checked_field(item, value):
-    """`value` as the type of the dataclass field `item`, a `parameter`, within its limits or choices.
+    """Put every field of a frozen dataclass, each a `parameter`, in its type, within its limits or choices.
 
     Fields of other types than int and float, without choices, are for their class to check.
     """
-    if item.metadata["choices"]:
-        return _chosen(item, value)
-    if item.type not in (int, float):
-        return value
-    number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-    if not number or not abs(value) < np.inf or (item.type is int and value != int(value)):
-        kind = {int: "a whole number", float: "a number"}[item.type]
-        raise InputError(f"{item.name} ({item.metadata['help']}) must be {kind}, got {value!r}.")
-    low, high, above = (item.metadata[key] for key in ("minimum", "maximum", "above"))
-    too_low = low is not None and (value < low or (above and value == low))
-    if too_low or (high is not None and value > high):
-        bounds = [f"{'above' if above else 'at least'} {low}"] * (low is not None)
-        bounds += [f"at most {high}"] * (high is not None)
-        raise InputError(
-            f"{item.name} ({item.metadata['help']}) must be {' and '.join(bounds)}, got {value}."
-        )
-    return item.type(value)
-
-
-def _chosen(item, value):
-    choices = item.metadata["choices"]
-    for choice in choices:
-        if type(value) is type(choice) and value == choice:
-            return value
-    *others, last = map(str, choices)
-    raise InputError(f"{item.name} must be {', '.join(others)} or {last}, got {value!r}.")
+    for item in fields(instance):
+        value, choices = getattr(instance, item.name), item.metadata["choices"]
+        if choices and not any(type(value) is type(choice) and value == choice for choice in choices):
+            *others, last = map(str, choices)
+            raise InputError(f"{item.name} must be {', '.join(others)} or {last}, got {value!r}.")
+        if choices or item.type not in (int, float):
+            continue
+        label = f"{item.name} ({item.metadata['help']}) must be"
+        is_number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+        if not is_number or not abs(value) < np.inf or (item.type is int and value != int(value)):
+            kind = {int: "a whole number", float: "a number"}[item.type]
+            raise InputError(f"{label} {kind}, got {value!r}.")
+        low, high, above = (item.metadata[key] for key in ("minimum", "maximum", "above"))
+        too_low = low is not None and (value < low or (above and value == low))
+        if too_low or (high is not None and value > high):
+            bounds = [f"{'above' if above else 'at least'} {low}"] * (low is not None)
+            bounds += [f"at most {high}"] * (high is not None)
+            raise InputError(f"{label} {' and '.join(bounds)}, got {value}.")
+        object.__setattr__(instance, item.name, item.type(value))

@@ -62,9 +62,7 @@ def check_private(folder):
     except (FileNotFoundError, NotADirectoryError):
         return
     except OSError as error:
-        raise InputError(
-            f"the folder {folder} cannot be looked at ({error.strerror}). {_ELSEWHERE}"
-        ) from None
+        raise InputError(f"the folder {folder} cannot be checked ({error.strerror}). {_ELSEWHERE}") from None
     if hasattr(os, "geteuid") and status.st_uid != os.geteuid():
         raise InputError(
             f"the folder {folder} belongs to another user (number {status.st_uid}), who could put anything "
@@ -77,13 +75,13 @@ def check_private(folder):
         )
 
 
-def own_name(prefix):
+def unfinished_name(prefix):
     """A new name, ``prefix-MACHINE-PROCESS-XXXXXXXX``, for unfinished work of this process."""
     return f"{prefix}-{socket.gethostname()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
 
 
 def is_abandoned(path):
-    """Whether a folder named by `own_name` is of a process of this machine and user that has ended."""
+    """Whether a folder named by `unfinished_name` is of a process of this machine and user that has ended."""
     import psutil
 
     pid = path.name.partition(f"-{socket.gethostname()}-")[2].partition("-")[0]
@@ -124,7 +122,7 @@ def run_folder():
                     for file in _SEMAPHORES.glob(f"sem.loky-{pid}-*"):
                         file.unlink(missing_ok=True)
                 shutil.rmtree(old, ignore_errors=True)
-            folder = home / own_name(_RUN)
+            folder = home / unfinished_name(_RUN)
             folder.mkdir(mode=0o700)
             atexit.register(shutil.rmtree, folder, ignore_errors=True)
             return folder
@@ -161,20 +159,7 @@ def keep_compiled_code():
 
 
 @contextmanager
-def whole_file(path):
-    """A name to write to that becomes `path` when all is written, and vanishes if that fails.
-
-    Raises
-    ------
-    InputError
-        The file, or the folders that it lies in, cannot be written.
-    """
-    with whole_files(path) as (temporary,):
-        yield temporary
-
-
-@contextmanager
-def whole_files(*paths):
+def atomic_files(*paths):
     """Names to write to, in this order, that become `paths`, of one folder, when all of them are written.
 
     Raises
@@ -187,7 +172,7 @@ def whole_files(*paths):
     try:
         home.mkdir(parents=True, exist_ok=True)
         complete_abandoned(home)
-        folder = home.resolve() / own_name(_OUTPUT)
+        folder = home.resolve() / unfinished_name(_OUTPUT)
         folder.mkdir(mode=0o700)
         temporary = [folder / path.name for path in paths]
         try:
@@ -211,7 +196,7 @@ def _move(files):
 
 
 def complete_abandoned(home):
-    """Complete or remove what ended processes left in the folder `home`.
+    """Complete or remove what ended processes did not finish in the folder `home`.
 
     Returns
     -------
@@ -232,7 +217,7 @@ def complete_abandoned(home):
 def check_free(paths, *, overwrite):
     """Refuse, before the work, output files of one folder that cannot be written, or that exist.
 
-    What a killed process left is completed first, and may be overwritten.
+    What a killed process did not finish is completed first, and may be overwritten.
 
     Raises
     ------

@@ -35,7 +35,7 @@ def progress_lines():
 
 
 def progress(iterable=None, description="", *, total=None):
-    """`iterable`, with a bar and the time left while it is consumed.
+    """`iterable`, with a bar and the remaining time while it is consumed.
 
     Without `iterable` it is a context manager for work that counts its own steps::
 

@@ -44,20 +44,9 @@ def reading(path, kind=None):
         ) from None
 
 
-def there_is(path):
-    """Whether there is a file or folder of this name; False for a name that none can have."""
-    try:
-        return os.path.lexists(path)
-    except ValueError:  # a null byte
-        return False
-
-
 def is_file(path):
     """Whether `path` leads to a file that is no folder; False for a name that none can have."""
-    try:
-        return not stat.S_ISDIR(os.stat(path).st_mode)
-    except (OSError, ValueError):
-        return False
+    return os.path.exists(path) and not os.path.isdir(path)
 
 
 def regular_file(path, kind="file"):
@@ -76,7 +65,7 @@ def regular_file(path, kind="file"):
             with open(path, "rb"):
                 return Path(path)
     except (OSError, ValueError) as error:
-        if isinstance(error, FileNotFoundError) and not there_is(path):
+        if isinstance(error, FileNotFoundError) and not os.path.lexists(path):
             raise InputError(f"there is no {kind} {str(path)!r}.") from None
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"the {kind} {path} cannot be read ({reason}).") from None

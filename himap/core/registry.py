@@ -1,4 +1,4 @@
-"""Classes that are found by themselves: a package with one class in each file, registered under a name."""
+"""Registered classes: a package with one class in each file, under a name."""
 
 import difflib
 import importlib.util

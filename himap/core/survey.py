@@ -19,7 +19,7 @@ NESTED_CELLS = 1024
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """A single-dish intensity-mapping survey of the whole sky (paper, Sect. 2).
+    """A single-dish intensity-mapping survey of the full sky (paper, Sect. 2).
 
     Attributes are documented in their ``help``; `Survey.describe` lists them. Frequencies are in
     MHz, lengths in Mpc/h unless said otherwise.
@@ -126,7 +126,7 @@ class Survey:
     def rng(self, component):
         """The random stream of one named component.
 
-        Streams of different names are independent, so a change of one component leaves the others.
+        Streams of different names are independent, so changing one component does not change the others.
         """
         key = zlib.crc32(component.encode())
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(key,)))

@@ -13,8 +13,7 @@ import numpy as np
 
 from himap import __version__
 from himap.core.errors import InputError, plain_text, shortened
-from himap.core.files import check_free, whole_files
-from himap.core.reading import there_is
+from himap.core.files import atomic_files, check_free
 
 OUTPUTS = (".h5", ".hdf5", ".fits", ".fits.gz", ".npy")
 """What the name of a cleaned cube ends with."""
@@ -89,7 +88,7 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
             f"the output {path} cannot be written ({reason}): is {folder} a folder that can be, and the "
             "name one that a file can have?"
         ) from None
-    originals = {Path(os.path.realpath(each)) for each in inputs if there_is(each)}
+    originals = {Path(os.path.realpath(each)) for each in inputs if os.path.lexists(each)}
     for each, place in zip(paths, places, strict=True):
         if originals & {place, folder}:
             raise InputError(f"{each} would change what it is made from; choose another output.")
@@ -126,13 +125,13 @@ def save_cleaned(cleaned, path, *, overwrite=False):
     """
     check_columns(cleaned.cube, path)
     paths = files_of(check_output(path, overwrite=overwrite))
-    with whole_files(*paths) as temporary:  # all of them or none
+    with atomic_files(*paths) as temporary:  # all of them or none
         write_cleaned(cleaned, temporary)
     return paths
 
 
 def write_cleaned(cleaned, paths, *, said=None):
-    """Write a `CleanedCube` to files, `paths` as of `files_of`; all or none with `whole_files`.
+    """Write a `CleanedCube` to files, `paths` as of `files_of`; all or none with `atomic_files`.
 
     What was assumed, the sentences `said` (default: those of the cube) and the remarks on the result, goes
     into the attribute `remarks` of HDF5, into HISTORY of FITS, and into the head of the table.

@@ -7,6 +7,7 @@ those of a curve, they are a list.
 
 import json
 import math
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -14,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from himap.core.errors import InputError
-from himap.core.files import whole_file
-from himap.core.reading import regular_file, there_is
+from himap.core.files import atomic_files
+from himap.core.reading import regular_file
 from himap.store.fingerprint import CodeTree, moved
 from himap.store.parallel import dask_address
 from himap.store.provenance import Provenance, environment
@@ -167,7 +168,7 @@ class Record:
         head = [f"{json.dumps(name)}: {json.dumps(value)}" for name, value in head.items()]
         rows = ",\n".join(json.dumps(line, allow_nan=False) for line in lines)
         head.append(f'"columns": {json.dumps(list(self.rows))}')
-        with whole_file(path) as temporary:
+        with atomic_files(path) as (temporary,):
             temporary.write_text("{" + ",\n".join(head) + f',\n"rows": [\n{rows}\n]}}\n')
 
     @classmethod
@@ -180,7 +181,7 @@ class Record:
             No such file, or another kind of file.
         """
         command = f"`himap measure {experiment.name}`"
-        if not there_is(path):
+        if not os.path.lexists(path):
             raise InputError(f"there is no record {path}; {command} writes it.")
         try:
             content = json.loads(regular_file(path, "record").read_text())

@@ -7,7 +7,6 @@ Arrays are float32 (complex64 for modes) and one box large.
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 
 import numpy as np
 from numba import njit, prange
@@ -50,19 +49,20 @@ class GaussianBox:
 
     def __init__(self, power, n_cells, box_size, rng, *, folder=None):
         self.n_cells, self.box_size, self.folder = n_cells, box_size, folder
-        self._coarse = _noise_modes(NESTED_CELLS, rng.spawn(NESTED_CELLS)) if n_cells > NESTED_CELLS else None
+        self._coarse, self._noise, self._variance = None, None, None
+        if n_cells > NESTED_CELLS:
+            shape = NESTED_CELLS, NESTED_CELLS, NESTED_CELLS // 2 + 1
+            self._coarse = _draw_planes(np.empty(shape, dtype=np.complex64), rng.spawn(NESTED_CELLS))
+            for rows in _blocks(self._coarse, _BLOCK):
+                self._coarse[:, rows] = fft.fft(self._coarse[:, rows], axis=0, workers=-1)
         self._rng, self._seeds = rng, rng.bit_generator.seed_seq.spawn(n_cells + 1)
         k_max = np.sqrt(3) * np.pi * n_cells / box_size
         table = np.sqrt(power(np.linspace(0, k_max, _TABLE_SIZE)) / (box_size / n_cells) ** 3)
         self._table, self._k_unit, self._k_max = table.astype(np.float32), 2 * np.pi / box_size, k_max
         self.x = cell_centres(n_cells, box_size).astype(np.float32)
-        self._variance, self._noise = None, None
-        self._field = self._new_field() if folder is None else None
+        self._field = self._array("density", np.complex64, n_cells // 2 + 1)
         if self._coarse is None and folder is None:
-            self._noise = self._draw(np.empty_like(self._field))
-
-    def _new_field(self):
-        return self._array("density", np.complex64, self.n_cells // 2 + 1)
+            self._noise = _draw_planes(np.empty_like(self._field), self._streams())
 
     def _array(self, name, dtype, length):
         shape = (self.n_cells, self.n_cells, length)
@@ -88,9 +88,6 @@ class GaussianBox:
     def _streams(self):
         return [np.random.Generator(type(self._rng.bit_generator)(seed)) for seed in self._seeds]
 
-    def _draw(self, out):
-        return _draw_planes(out, self._streams()[: self.n_cells])
-
     def density(self, change=lambda i, plane, variance: plane):
         """The field, (n, n, n) float32; nothing else can be asked of the box after it.
 
@@ -100,9 +97,8 @@ class GaussianBox:
             Function of the number of a plane, its field (n, n) and the variance of the box (mean 0);
             gives what is kept of the plane.
         """
-        planes = () if self._is_complete("density") else self._planes(_DENSITY, last=True)
-        n, field = self.n_cells, self._new_field() if self._field is None else self._field
-        flat = field.reshape(-1).view(np.float32)[: n**3].reshape(n, n, n)
+        n, planes = self.n_cells, () if self._is_complete("density") else self._planes(_DENSITY, last=True)
+        flat = self._field.reshape(-1).view(np.float32)[: n**3].reshape(n, n, n)
         for i, modes in planes:  # a plane is written where it, or one before, was
             flat[i] = change(i, fft.irfft2(modes, s=(n, n), workers=-1), self._variance)
         self._complete("density")
@@ -164,53 +160,31 @@ class GaussianBox:
 
     def _planes(self, part, *, last=False):
         """Pairs of the number of a plane, x fixed, and its modes of a part of the field, (n, n // 2 + 1)."""
-        where = "" if self.folder is None else " (box in files)"
-        if self.folder is not None:  # a file anew, of which nothing is read before it is written
-            self._field = self._new_field()
+        n, in_files = self.n_cells, self.folder is not None
+        if in_files:  # a file anew, of which nothing is read before it is written
+            self._field = self._array("density", np.complex64, n // 2 + 1)
         elif last and self._noise is not None:
             self._field, self._noise = self._noise, None
-        field = self._field
-        if self._coarse is not None:
-            modes_of = self._drawn_rows()
-        else:
-            if self.folder is not None:
-                self._draw(field)
-            elif self._noise is not None:
-                np.copyto(field, self._noise)
-            modes_of = partial(_transformed, field)
-        powers = []
-        for rows in _blocks(field, _BLOCK if self.folder is None else _BLOCK_IN_FILES):
-            modes = modes_of(rows)
-            if self._coarse is not None:
+        field, streams, powers = self._field, self._streams(), []
+        if self._coarse is not None:  # where k_z is 0 or Nyquist, the modes are those of a real plane
+            planes = streams[n].standard_normal((2, n, n), dtype=np.float32)
+            planes = fft.fft2(planes, workers=-1) * np.float32(np.sqrt(n))
+        elif in_files:
+            _draw_planes(field, streams)
+        elif self._noise is not None:
+            np.copyto(field, self._noise)
+        for rows in _blocks(field, _BLOCK_IN_FILES if in_files else _BLOCK):
+            if self._coarse is None:
+                modes = fft.fft(field[:, rows], axis=0, workers=-1)
+            else:
+                modes = _draw_rows(streams[:n][rows], planes[:, :, rows])
                 _insert(modes, self._coarse, rows.start)
             _shape(modes, rows.start, self._table, self._k_unit, self._k_max, part)
             if part == _DENSITY:
                 powers.append(_power(modes))
             field[:, rows] = fft.ifft(modes, axis=0, overwrite_x=True, workers=-1)
-        self._variance = math.fsum(powers) / float(self.n_cells) ** 6
-        return progress(enumerate(field), f"{_LABELS[part]}{where}", total=self.n_cells)
-
-    def _drawn_rows(self):
-        """A function of rows that gives white noise there, transformed along all axes."""
-        n, streams = self.n_cells, self._streams()
-        # Where k_z is 0 or Nyquist, the modes are those of a real plane.
-        planes = streams[n].standard_normal((2, n, n), dtype=np.float32)
-        planes = fft.fft2(planes, workers=-1) * np.float32(np.sqrt(n))
-
-        def draw(rows):
-            out = np.empty((n, len(streams[:n][rows]), n // 2 + 1), dtype=np.complex64)
-
-            def fill(task):
-                row, stream = task
-                out[:, row] = stream.standard_normal((n, n + 2), dtype=np.float32).view(np.complex64)
-
-            with ThreadPoolExecutor() as pool:
-                list(pool.map(fill, enumerate(streams[:n][rows])))
-            out *= np.float32(np.sqrt(n**3 / 2))
-            out[:, :, 0], out[:, :, -1] = planes[0, :, rows], planes[1, :, rows]
-            return out
-
-        return draw
+        self._variance = math.fsum(powers) / float(n) ** 6
+        return progress(enumerate(field), f"{_LABELS[part]}{' (box in files)' * in_files}", total=n)
 
 
 def unit_of(displacement):
@@ -228,14 +202,6 @@ def cell_centres(n_cells, box_size):
     return ((np.arange(n_cells) + 0.5) / n_cells - 0.5) * box_size
 
 
-def _noise_modes(n_cells, streams):
-    """All modes of white noise of unit variance, (n, n, n // 2 + 1) complex64."""
-    modes = _draw_planes(np.empty((n_cells, n_cells, n_cells // 2 + 1), dtype=np.complex64), streams)
-    for rows in _blocks(modes, _BLOCK):
-        modes[:, rows] = _transformed(modes, rows)
-    return modes
-
-
 def _draw_planes(out, streams):
     """Fill `out`, (n, n, n // 2 + 1), with white noise of variance 1, transformed along two axes."""
 
@@ -244,7 +210,22 @@ def _draw_planes(out, streams):
         plane[:] = fft.rfft2(stream.standard_normal((len(out), len(out)), dtype=np.float32))
 
     with ThreadPoolExecutor() as pool:
-        list(pool.map(draw, zip(out, streams, strict=True)))
+        list(pool.map(draw, zip(out, streams[: len(out)], strict=True)))
+    return out
+
+
+def _draw_rows(streams, planes):
+    """White noise of variance 1 in some rows, transformed along all axes; `planes` are its ends in k_z."""
+    n = planes.shape[1]
+    out = np.empty((n, len(streams), n // 2 + 1), dtype=np.complex64)
+
+    def draw(row):
+        out[:, row] = streams[row].standard_normal((n, n + 2), dtype=np.float32).view(np.complex64)
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(draw, range(len(streams))))
+    out *= np.float32(np.sqrt(n**3 / 2))
+    out[:, :, 0], out[:, :, -1] = planes
     return out
 
 
@@ -252,11 +233,6 @@ def _blocks(field, n_bytes):
     """Slices of rows, whose columns are transformed at once."""
     n_rows = max(1, n_bytes // field[:, :1].nbytes)
     return [slice(first, first + n_rows) for first in range(0, field.shape[1], n_rows)]
-
-
-def _transformed(field, rows):
-    """Some rows of a field, transformed along the first axis."""
-    return fft.fft(field[:, rows], axis=0, workers=-1)
 
 
 @njit(parallel=True, cache=True)

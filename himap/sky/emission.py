@@ -5,8 +5,6 @@ from math import factorial
 
 import numpy as np
 
-from himap.core.errors import InputError
-
 _TOLERANCE = 1e-12  # of the brightness: far below the last digit of float32 maps
 
 
@@ -23,20 +21,13 @@ class PowerLaw:
     freq_ref
         Reference frequency, MHz.
     index
-        Spectral index, a number or shape (n_pix,).
+        Spectral index, a number or shape (n_pix,); before `small_scales.refine_template` a map of any nside.
     """
 
     name: str
     amplitude: np.ndarray
     freq_ref: float
     index: np.ndarray | float
-
-    def __post_init__(self):
-        if np.ndim(self.index) and np.shape(self.index) != np.shape(self.amplitude):
-            raise InputError(
-                f"{self.name}: amplitude and index must be maps of one size, "
-                f"got {np.shape(self.amplitude)} and {np.shape(self.index)}."
-            )
 
     def map(self, freq):
         """The component at `freq` (MHz), mK, shape (n_pix,), float64."""

@@ -8,14 +8,15 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter, power_of_two
 from himap.core.errors import InputError
 from himap.maps import sphere
+from himap.maps.healpix_io import read_maps
 from himap.sky.emission import emission_maps
 from himap.sky.point_sources import point_sources
+from himap.sky.small_scales import refine_template
 from himap.sky.synthetic import synthetic_galaxy
 from himap.sky.templates import (
     EXPECTED_FILES,
     digest_of,
     find_templates,
-    nsides_of,
     pysm_templates,
     pysm_version,
     read_templates,
@@ -81,7 +82,8 @@ class Galaxy:
         """
         if self.source != "templates":
             return self.source
-        nsides = sorted(set(nsides_of(self.template_dir).values()))
+        files = find_templates(self.template_dir).values()
+        nsides = sorted({sphere.nside_of(read_maps(path, n_maps=1).maps) for path in files})
         return f"templates (nside {', '.join(map(str, nsides))})"
 
     def components(self, nside, rng):
@@ -100,7 +102,7 @@ class Galaxy:
             return synthetic_galaxy(nside, rng)
         templates = read_templates(self.template_dir) if self.source == "templates" else pysm_templates(nside)
         return [
-            template.power_law(nside, stream, small_scales=self.small_scales)
+            refine_template(template, nside, stream, small_scales=self.small_scales)
             for template, stream in zip(templates, rng.spawn(len(templates)), strict=True)
         ]
 
@@ -127,7 +129,7 @@ class Dimming:
         A weight outside 0 to 1, or an edge outside 0 to 90 deg.
     """
 
-    weight: float = parameter(0.1, "what is left of the foregrounds at b = 0", minimum=0, maximum=1)
+    weight: float = parameter(0.1, "weight of the foregrounds at b = 0", minimum=0, maximum=1)
     edge: float = parameter(
         15.0, "latitude beyond which nothing changes, deg", minimum=0, maximum=90, above=True
     )
@@ -145,7 +147,7 @@ class Dimming:
 def foreground_components(survey, galaxy):
     """Every foreground as a `PowerLaw`: synchrotron, free-free, point sources.
 
-    The Galaxy and the sources have a random stream each, so a change of one leaves the other.
+    The Galaxy and the sources have a random stream each, so changing one does not change the other.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit, prange
 
 from himap.core.errors import InputError
-from himap.sky.box import GaussianBox, unit_of
+from himap.sky.box import GaussianBox
 from himap.sky.cosmology import Z_MAX, HIModel, redshift
 from himap.sky.light_cone import plan_rays, trace
 
@@ -58,8 +58,7 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8, folder=None)
     density, displacement = lognormal_box(survey.box_cells, survey.box_size, rng, **options)
     cell = survey.box_size / survey.box_cells
     rays = plan_rays(survey.nside, cell, edges[0], edges[-1], oversample=oversample)
-    unit = unit_of(displacement) if rsd else 1.0
-    maps = trace(density, displacement, edges, survey.nside, survey.box_size, rays, unit=unit)[::-1]
+    maps = trace(density, displacement, edges, survey.nside, survey.box_size, rays)[::-1]
     nodes, weights = np.polynomial.legendre.leggauss(4)  # over the width of a channel
     freqs = survey.freqs[:, None] + 0.5 * np.diff(survey.freq_edges)[:, None] * nodes
     maps *= (0.5 * model.mean_temperature(redshift(freqs)) @ weights)[:, None]

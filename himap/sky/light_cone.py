@@ -10,6 +10,7 @@ from numba import njit, prange
 
 from himap.core.progress import progress
 from himap.maps import sphere
+from himap.sky.box import unit_of
 
 _STEPS_PER_GAP = 2  # along a ray nothing else smooths, so steps are finer than the gaps between rays
 _BLOCKS = 50  # of pixels, between which progress is shown
@@ -38,7 +39,7 @@ def plan_rays(nside, cell, distance_min, distance_max, *, oversample=1.8):
     return bounds, cell / oversample / _STEPS_PER_GAP
 
 
-def trace(density, displacement, distance_edges, nside, box_size, rays, *, unit=1.0):
+def trace(density, displacement, distance_edges, nside, box_size, rays):
     """Mean density per channel and pixel, in redshift space.
 
     Parameters
@@ -46,13 +47,12 @@ def trace(density, displacement, distance_edges, nside, box_size, rays, *, unit=
     density
         (n, n, n) float32, 1 + delta at the cell centres.
     displacement
-        (n, n, n), from real to redshift space, away from the observer, in units of `unit`; None for none.
+        (n, n, n), from real to redshift space, away from the observer, as of
+        `GaussianBox.radial_displacement`; None for none.
     distance_edges
         Channel edges as comoving distances, ascending, (n_channels + 1,), Mpc/h.
     nside, box_size, rays
         Resolution of the maps, side of the box in Mpc/h, and what `plan_rays` returns.
-    unit
-        Of displacements, Mpc/h.
 
     Returns
     -------
@@ -61,7 +61,10 @@ def trace(density, displacement, distance_edges, nside, box_size, rays, *, unit=
     """
     edges = np.asarray(distance_edges, dtype=float)
     maps = np.zeros((len(edges) - 1, 12 * nside**2), dtype=np.float32)
-    still = displacement is None
+    if displacement is None:
+        displacement, unit = density, 0.0
+    else:
+        unit = unit_of(displacement)
     ring = sphere.nest_to_ring(nside)
     bounds, step = rays
     for level, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
@@ -75,8 +78,8 @@ def trace(density, displacement, distance_edges, nside, box_size, rays, *, unit=
         for pixels in progress(blocks, f"HI light cone, {start:.0f} to {stop:.0f} Mpc/h"):
             _trace_shell(
                 density,
-                density if still else displacement,
-                0.0 if still else unit,
+                displacement,
+                unit,
                 vectors[pixels],
                 ring[pixels],
                 np.linspace(start, stop, n_steps + 1),
@@ -118,7 +121,7 @@ def _deposit(row, edges, radii, moved, density):
     """Share the mass of every step along a ray among the channels that it lands in.
 
     `moved` displaces the ends of the steps, `radii`; `density` is that of each step, which is spread evenly
-    over where it lands. Most steps land whole in the channel of the step before.
+    over where it lands. Most steps land entirely in the channel of the step before.
     """
     channel, inside = 0, 0.0
     near = radii[0] + moved[0]
@@ -148,7 +151,7 @@ def _deposit(row, edges, radii, moved, density):
 def _interpolate(field, direction, radii, cells, weights, out):
     """`field` at `radii` cells from the centre towards `direction`: trilinear, periodic.
 
-    `cells` (6, n) and `weights` (3, n) are room to work in. Places are found for the whole ray first, in
+    `cells` (6, n) and `weights` (3, n) are room to work in. Places are computed for the entire ray first, in
     a loop that the compiler turns into vector instructions, as it cannot with the lookups of the cells
     within it; that is 2.5 times faster.
     """

@@ -113,13 +113,10 @@ def _injected(n_pix, rng):
     """Sources of `FLUX_FAINT` to `FLUX_REMOVED` at random positions, mK; those in one pixel add up."""
     n_sources = rng.poisson(4 * np.pi * number_density(FLUX_FAINT, FLUX_REMOVED))
     pixels = rng.integers(n_pix, size=n_sources)  # pixels have equal area
-    total = np.bincount(pixels, weights=_draw_fluxes(n_sources, rng), minlength=n_pix)
-    return total * flux_to_temperature() / (4 * np.pi / n_pix)
-
-
-def _draw_fluxes(n_sources, rng):
-    """Fluxes in Jy drawn from the counts between the two limits, by inverting their cumulative."""
+    # Fluxes in Jy are drawn from the counts by inverting their cumulative.
     log_flux = np.linspace(np.log(FLUX_FAINT), np.log(FLUX_REMOVED), 20_001)
     density = np.exp(log_flux) * source_counts(np.exp(log_flux))
     cumulative = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    return np.exp(np.interp(rng.random(n_sources) * cumulative[-1], cumulative, log_flux))
+    fluxes = np.exp(np.interp(rng.random(n_sources) * cumulative[-1], cumulative, log_flux))
+    total = np.bincount(pixels, weights=fluxes, minlength=n_pix)
+    return total * flux_to_temperature() / (4 * np.pi / n_pix)

@@ -27,20 +27,12 @@ _SUN = 8.2  # kpc from the Galactic centre (GRAVITY collaboration 2019)
 _CORE = 1.0  # kpc, rounds off the centre of the discs
 
 
-@dataclass(frozen=True)
-class _Disc:
-    """Emissivity amplitude exp((R_sun - R) / length) / cosh^2(z / height), mK per kpc; lengths in kpc."""
-
-    amplitude: float
-    length: float
-    height: float
-
-
 _ISOTROPIC = 5.64e3  # mK; half of it is extragalactic
-_HALO = _Disc(370.0, 2.7, 3.9)
-_THICK_DISC = _Disc(5.01e3, 4.2, 0.57)
-_THIN_DISC = _Disc(2.06e3, 3.0, 0.11)
-_IONISED_DISC = _Disc(0.236, 2.46, 0.098)
+# Discs: amplitude in mK per kpc, length and height in kpc.
+_HALO = 370.0, 2.7, 3.9
+_THICK_DISC = 5.01e3, 4.2, 0.57
+_THIN_DISC = 2.06e3, 3.0, 0.11
+_IONISED_DISC = 0.236, 2.46, 0.098
 
 # Four radio loops (Berkhuijsen et al. 1971): longitude, latitude and radius in deg, brightness in mK.
 _LOOPS = (
@@ -82,10 +74,10 @@ def _synchrotron(vectors, plane, nside, rng):
     structure_rng, index_rng = rng.spawn(2)
     structure = _Field.draw(lambda degree: (degree + 4) ** -3.1, nside, structure_rng)
     amplitude = _ISOTROPIC * structure.lognormal(0.23)
-    amplitude += _disc_brightness(vectors, _THICK_DISC) * structure.lognormal(0.15)
+    amplitude += _disc_brightness(vectors, *_THICK_DISC) * structure.lognormal(0.15)
     amplitude += _loops(vectors) * structure.lognormal(0.7)
-    amplitude += _disc_brightness(vectors, _HALO)
-    amplitude += _disc_brightness(vectors, _THIN_DISC) * plane.lognormal(1.0)
+    amplitude += _disc_brightness(vectors, *_HALO)
+    amplitude += _disc_brightness(vectors, *_THIN_DISC) * plane.lognormal(1.0)
     # The index map is smoothed to 5 deg.
     steepness = _Field.draw(lambda degree: degree**-2.0 * np.exp(-((degree / 27) ** 2)), nside, index_rng)
     latitude = np.degrees(np.arcsin(np.abs(vectors[:, 2])))
@@ -100,11 +92,11 @@ def _free_free(vectors, plane, nside, rng):
     mix = _Field(share * plane.values + np.sqrt(1 - share**2) * structure.values, structure.variance_added)
     cavity = np.exp(-2.9 * sine**1.23)  # the Sun sits in a bubble of little gas
     width = 1.41 - 0.48 * np.exp(-((sine / 0.25) ** 2))
-    return _disc_brightness(vectors, _IONISED_DISC) * cavity * mix.lognormal(width)
+    return _disc_brightness(vectors, *_IONISED_DISC) * cavity * mix.lognormal(width)
 
 
-def _disc_brightness(vectors, disc):
-    """Brightness of a disc towards `vectors`, mK: its emissivity integrated out to 30 kpc.
+def _disc_brightness(vectors, amplitude, length, height):
+    """Brightness towards `vectors`, mK: amplitude exp((R_sun - R) / length) / cosh^2(z / height) to 30 kpc.
 
     The disc has four-fold symmetry and is smooth, so it is integrated on a grid and interpolated.
     """
@@ -115,9 +107,9 @@ def _disc_brightness(vectors, disc):
     path = 0.5 * (edges[1:] + edges[:-1])[:, None, None]
     ground = path * np.cos(lat)
     radius = np.sqrt(_SUN**2 + ground**2 - 2 * _SUN * ground * np.cos(lon)[:, None])
-    emissivity = np.exp((_SUN - np.hypot(radius, _CORE)) / disc.length)
-    emissivity /= np.cosh(np.minimum(path * np.sin(lat) / disc.height, 300)) ** 2  # beyond: no overflow
-    brightness = disc.amplitude * np.tensordot(np.diff(edges), emissivity, axes=1)
+    emissivity = np.exp((_SUN - np.hypot(radius, _CORE)) / length)
+    emissivity /= np.cosh(np.minimum(path * np.sin(lat) / height, 300)) ** 2  # beyond: no overflow
+    brightness = amplitude * np.tensordot(np.diff(edges), emissivity, axes=1)
     spline = RectBivariateSpline(lon, stretch, np.log(brightness))
     latitude = np.degrees(np.arcsin(np.minimum(np.abs(vectors[:, 2]), 1)))
     return np.exp(spline.ev(np.abs(np.arctan2(vectors[:, 1], vectors[:, 0])), np.arcsinh(latitude / 0.5)))

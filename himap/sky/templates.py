@@ -5,7 +5,6 @@ import logging
 import os
 import re
 import warnings
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -13,9 +12,8 @@ import numpy as np
 
 from himap.core.checks import power_of_two
 from himap.core.errors import InputError
-from himap.core.files import complete_abandoned, whole_files
+from himap.core.files import atomic_files, complete_abandoned
 from himap.core.reading import regular_file
-from himap.maps import sphere
 from himap.maps.healpix_io import (
     MILLIKELVIN,
     agreed,
@@ -27,7 +25,6 @@ from himap.maps.healpix_io import (
     write_maps,
 )
 from himap.sky.emission import PowerLaw
-from himap.sky.small_scales import change_index_resolution, refine
 from himap.sky.synthetic import FREE_FREE_INDEX
 
 _FITS = re.compile(r"\.fits(\.gz)?$", re.IGNORECASE)
@@ -51,38 +48,10 @@ EXPECTED_FILES = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Template:
-    """A component at the resolution that it is known at.
-
-    Attributes
-    ----------
-    name
-        Of the component.
-    amplitude
-        Brightness temperature at `freq_ref`, mK (Rayleigh-Jeans), positive, (n_pix,), RING, Galactic.
-    freq_ref
-        MHz.
-    index
-        Spectral index: a number, or a map of any nside.
-    """
-
-    name: str
-    amplitude: np.ndarray
-    freq_ref: float
-    index: np.ndarray | float
-
-    def power_law(self, nside, rng, *, small_scales=True):
-        """The component at `nside`, a `PowerLaw`; `rng` draws the small scales of `small_scales.refine`."""
-        index = change_index_resolution(self.index, nside) if np.ndim(self.index) else self.index
-        amplitude = refine(self.amplitude, nside, rng, small_scales=small_scales)
-        return PowerLaw(name=self.name, amplitude=amplitude, freq_ref=self.freq_ref, index=index)
-
-
 def read_templates(folder):
-    """Synchrotron and free-free templates of a folder, a list of two `Template`.
+    """Synchrotron and free-free templates of a folder, a list of two `PowerLaw`.
 
-    The maps may have any nside and either ordering. Intensities are in K, mK or uK (Rayleigh-Jeans).
+    Each map may have any nside and either ordering. Intensities are in K, mK or uK (Rayleigh-Jeans).
 
     Raises
     ------
@@ -92,8 +61,30 @@ def read_templates(folder):
         index outside -5..0; a header contradicts the frequency in the name of its file.
     """
     files = find_templates(folder)
-    index = {"synchrotron": _read_index(files["index"]), "free-free": FREE_FREE_INDEX}
-    return [_read_intensity(files[name], name, index[name]) for name in _KINDS]
+    index, _ = _read_map(files["index"])
+    low, high = _INDEX_LIMITS
+    n_bad = np.count_nonzero((index < low) | (index > high))
+    if n_bad:
+        raise InputError(
+            f"{files['index'].name} must hold a spectral index between {low:g} and {high:g} (T ~ nu^index), "
+            f"but {n_bad} of {len(index)} pixels are outside; they range from {index.min():.3g} to "
+            f"{index.max():.3g}. Is it another map?"
+        )
+    templates = []
+    for name, beta in (("synchrotron", index), ("free-free", FREE_FREE_INDEX)):
+        path = files[name]
+        pixels, file = _read_map(path)
+        unit = temperature_unit(file.units[0], f"TUNIT1 in {path.name}")
+        stated = freqs_in(path.name)
+        if len(stated) != 1 or stated[0].freq <= 0:
+            raise InputError(
+                f"the name of a template states one positive reference frequency, such as 408MHz or 30GHz; "
+                f"{path.name} states {', '.join(f'{item.freq:g} MHz' for item in stated)}. Rename the file."
+            )
+        freq = agreed(stated[0], freq_in_header(file.header, path), path)
+        amplitude = _positive(pixels * MILLIKELVIN[unit], f"{name} ({path.name})")
+        templates.append(PowerLaw(name=name, amplitude=amplitude, freq_ref=freq, index=beta))
+    return templates
 
 
 def digest_of(folder):
@@ -103,12 +94,6 @@ def digest_of(folder):
         digest.update(f"{kind} {path.name} ".encode())
         digest.update(hashlib.sha256(regular_file(path, "template").read_bytes()).digest())
     return digest.hexdigest()
-
-
-def nsides_of(folder):
-    """nside of each template of a folder, {kind: nside}; kinds as in `find_templates`."""
-    files = find_templates(folder)
-    return {kind: sphere.nside_of(read_maps(path, n_maps=1).maps) for kind, path in files.items()}
 
 
 def find_templates(folder):
@@ -165,21 +150,6 @@ def _read_map(path):
     return to_ring(pixels) if file.nested else pixels, file
 
 
-def _read_intensity(path, name, index):
-    """The `Template` of an intensity map."""
-    pixels, file = _read_map(path)
-    unit = temperature_unit(file.units[0], f"TUNIT1 in {path.name}")
-    stated = freqs_in(path.name)
-    if len(stated) != 1 or stated[0].freq <= 0:
-        raise InputError(
-            f"the name of a template states one positive reference frequency, such as 408MHz or 30GHz; "
-            f"{path.name} states {', '.join(f'{item.freq:g} MHz' for item in stated)}. Rename the file."
-        )
-    freq = agreed(stated[0], freq_in_header(file.header, path), path)
-    amplitude = _positive(pixels * MILLIKELVIN[unit], f"{name} ({path.name})")
-    return Template(name=name, amplitude=amplitude, freq_ref=freq, index=index)
-
-
 def _positive(pixels, label):
     """An intensity map without zero or negative pixels: a few are raised, with a warning.
 
@@ -206,19 +176,6 @@ def _positive(pixels, label):
     return pixels
 
 
-def _read_index(path):
-    pixels, _ = _read_map(path)
-    low, high = _INDEX_LIMITS
-    n_bad = np.count_nonzero((pixels < low) | (pixels > high))
-    if n_bad:
-        raise InputError(
-            f"{path.name} must hold a spectral index between {low:g} and {high:g} (T ~ nu^index, about -3), "
-            f"but {n_bad} of {len(pixels)} pixels are outside; they range from {pixels.min():.3g} to "
-            f"{pixels.max():.3g}. Is it another map?"
-        )
-    return pixels
-
-
 def pysm_version():
     """Version of pysm3, a text.
 
@@ -234,7 +191,7 @@ def pysm_version():
 
 
 def pysm_templates(nside):
-    """Synchrotron and free-free emission as PySM has them, a list of two `Template`.
+    """Synchrotron and free-free emission as PySM has them, a list of two `PowerLaw`.
 
     At `nside`, averaged over pixels by PySM (healpy's ud_grade), or at PySM's own where that is coarser.
 
@@ -261,13 +218,10 @@ def pysm_templates(nside):
             np.asarray(values, dtype=np.float64).reshape(-1)
             for values in (model.I_ref.to_value(pysm3.units.mK_RJ), model.pl_index.value)
         )
-        sphere.nside_of(amplitude)
-        freq, index = (
-            float(model.freq_ref_I.to_value(pysm3.units.MHz)),
-            index if index.size > 1 else index.item(),
-        )
+        freq = float(model.freq_ref_I.to_value(pysm3.units.MHz))
+        index = index if index.size > 1 else index.item()
         amplitude = _positive(amplitude, f"{name} of PySM")
-        templates.append(Template(name=name, amplitude=amplitude, freq_ref=freq, index=index))
+        templates.append(PowerLaw(name=name, amplitude=amplitude, freq_ref=freq, index=index))
     return templates
 
 
@@ -303,7 +257,20 @@ def write_templates(folder, nside):
         An nside that cannot be, a folder that holds something or cannot be written, or as `pysm_templates`.
     """
     nside = power_of_two("nside", nside, 4, PYSM_NSIDE)
-    folder = _free_folder(folder)
+    folder = Path(os.path.expanduser(folder))
+    completed = complete_abandoned(folder)
+    try:
+        held = sorted(path.name for path in folder.iterdir() if path not in completed)
+    except FileNotFoundError:
+        held = []
+    except OSError as error:
+        raise InputError(f"{folder} cannot be a folder of templates ({error.strerror}).") from None
+    if held:
+        more = f" and {len(held) - 3} more" if len(held) > 3 else ""
+        raise InputError(
+            f"templates are written to a new or an empty folder, but {folder} holds "
+            f"{', '.join(held[:3])}{more}; give another one, or empty it."
+        )
     synchrotron, free_free = pysm_templates(nside)
     if np.any(np.not_equal(free_free.index, FREE_FREE_INDEX)):
         raise InputError(
@@ -317,27 +284,8 @@ def write_templates(folder, nside):
         stated = f"{freq:.10g}MHz" if freq < 1e3 else f"{freq / 1e3:.10g}GHz"
         files[f"{name}_{stated}_K_nside{nside}.fits"] = (template.amplitude / MILLIKELVIN["K"], "T", "K_RJ")
     cards = [("PYSM3", pysm_version(), "version that the maps are from")]
-    with whole_files(*(folder / name for name in files)) as temporary:
+    with atomic_files(*(folder / name for name in files)) as temporary:
         for target, (pixels, column, unit) in zip(temporary, files.values(), strict=True):
             maps = pixels[None].astype(np.float32)
             write_maps(target, maps, names=[column], unit=unit, nested=False, frame="G", cards=cards)
     return [folder / name for name in files]
-
-
-def _free_folder(folder):
-    """`folder` as a path with nothing in it."""
-    folder = Path(os.path.expanduser(folder))
-    completed = complete_abandoned(folder)
-    try:
-        held = sorted(path.name for path in folder.iterdir() if path not in completed)
-    except FileNotFoundError:
-        return folder
-    except OSError as error:
-        raise InputError(f"{folder} cannot be a folder of templates ({error.strerror}).") from None
-    if held:
-        more = f" and {len(held) - 3} more" if len(held) > 3 else ""
-        raise InputError(
-            f"templates are written to a new or an empty folder, but {folder} holds "
-            f"{', '.join(held[:3])}{more}; give another one, or empty it."
-        )
-    return folder

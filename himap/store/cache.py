@@ -24,7 +24,7 @@ import numpy as np
 from filelock import FileLock
 
 from himap.core.errors import InputError
-from himap.core.files import cache_folder, check_private, is_abandoned, make_private, own_name
+from himap.core.files import cache_folder, check_private, is_abandoned, make_private, unfinished_name
 from himap.store.arrays import TREE, read_value, write_value
 
 _NOTE, _UNFINISHED = "note.json", "unfinished"
@@ -150,7 +150,7 @@ def save(product, key, value, *, arguments, seconds):
     with _writing(product) as home:
         for path in filter(is_abandoned, home.glob(f"{_UNFINISHED}-*")):
             shutil.rmtree(path, ignore_errors=True)
-        part, folder = home / own_name(_UNFINISHED), home / key
+        part, folder = home / unfinished_name(_UNFINISHED), home / key
         try:
             make_private(part)
             names = write_value(value, part)
@@ -209,7 +209,7 @@ def _delete(path):
     """Delete one result, as much of it as is there, and whether it is gone."""
     try:
         if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path.rename(path.with_name(own_name(_UNFINISHED))))
+            shutil.rmtree(path.rename(path.with_name(unfinished_name(_UNFINISHED))))
         else:
             path.unlink()
     except FileNotFoundError:

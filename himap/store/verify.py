@@ -18,7 +18,7 @@ from unittest.mock import patch
 import numpy as np
 
 from himap.core.errors import InputError
-from himap.core.files import whole_file
+from himap.core.files import atomic_files
 from himap.core.progress import progress
 from himap.store import fingerprint
 from himap.store.store import tree_of
@@ -191,5 +191,5 @@ def _stored(path):
 def _store(path, content):
     """Write a dict of dicts, or of texts, with a line for each of the innermost but numbers."""
     text = json.dumps(content, sort_keys=True, indent=0, separators=(",", ": "))
-    with whole_file(path) as temporary:
+    with atomic_files(path) as (temporary,):
         temporary.write_text(text + "\n")

@@ -4,6 +4,7 @@ What does the work is imported when it is needed: `himap --help` need not wait s
 """
 
 import functools
+import os
 import time
 import warnings
 from types import SimpleNamespace
@@ -15,8 +16,8 @@ from himap.app.cli.cube_options import COMMON, METHOD, MOCKS, WEIGHTS
 from himap.app.cli.shared import NamesOption, named_values, with_options
 from himap.app.parameters import parse_texts
 from himap.core.errors import InputError, plain_text
-from himap.core.files import whole_files
-from himap.core.reading import is_file, regular_file, there_is
+from himap.core.files import atomic_files
+from himap.core.reading import is_file, regular_file
 
 _READING = ("freqs", "unit", "order", "frame", "rotate", "maps_name", "freqs_name", "axes")
 _FILES = ("path", "truth", "beam", "freqs", "mask", "weights", "flags")
@@ -73,7 +74,7 @@ def _output(asked, endings=(), page=True):
 
 def _write(asked, files, write, *, remarks=(), timed=True):
     """Write all `files` or none, ``write(temporary names)``, and say remarks and their names."""
-    with whole_files(*files) as temporary:
+    with atomic_files(*files) as temporary:
         write(temporary)
     _tell(asked, *remarks)
     took = f"  ({time.monotonic() - asked.started:.0f} s)" if timed else ""
@@ -229,7 +230,7 @@ def _with_frames(asked, cube):
     from himap.cubes.files import frames_in
 
     given = (asked.truth, *(word for word in asked.mocks if not word.isdecimal()))
-    for path in (path for path in given if path is not None and there_is(path)):
+    for path in (path for path in given if path is not None and os.path.lexists(path)):
         (frame, spectral_frame), known = frames_in(path), cube.layout.pixels.frame
         if known is not None and (frame is None or asked.rotate):  # said, or rotated, when it is read
             frame = known
@@ -259,7 +260,7 @@ def _mocks(cube, beams, asked):
     if noise is not None:
         raise InputError("--mock-noise is that of mocks that are made; those from files have their own.")
     for word in words:
-        if not there_is(word):
+        if not os.path.lexists(word):
             raise InputError(f"--mocks: there is no file {word}.")
     return read_mocks(cube, words, tell=functools.partial(_tell, asked), **asked.reading)
 
