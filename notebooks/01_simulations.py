@@ -51,7 +51,7 @@ from himap.instrument.beams.paper import Degraded
 from himap.maps import sphere
 from himap.measures.spectra import frequency_power
 from himap.paper import pipeline
-from himap.paper.experiments.boxes import EXPERIMENT, seen_through, table_of
+from himap.paper.experiments.boxes import EXPERIMENT, table_of
 from himap.paper.record import Record
 from himap.removal.peaks import smooth_baselines
 from himap.sky import point_sources
@@ -198,7 +198,7 @@ for r_smooth, colour in ((0.0, "black"), (2.0, styles.BLUE)):
     alms = pipeline.hi_alms_of_sky(close.sky)
     along = frequency_power(pipeline.hi_of_sky(close.sky), close.channel_width)
     spectra[r_smooth] = sphere.power_spectrum(alms).mean(axis=0)[: 2 * sky.nside], along
-    seen = seen_through(Degraded(), close)
+    seen = pipeline.hi_seen(pipeline.Case(survey=close, beam=Degraded()))
     flagged[r_smooth] = smooth_baselines(seen, close.freqs).flagged.mean()
     brightest[r_smooth] = seen.max()
     style = {"color": colour, "label": f"r = {r_smooth:.0f} Mpc/h"}

@@ -63,7 +63,7 @@ from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
 from himap.measures.n_sources import STABLE, eigenvalue_line
-from himap.paper.choice import SETTLED, source_number_criteria
+from himap.paper.choice import SETTLED, eigenvalues, source_number_criteria
 from himap.paper.experiments.n_sources import CRITERIA, EXPERIMENT, skies
 from himap.paper.record import Record
 from himap.paper.study import Study
@@ -111,22 +111,26 @@ panels = [
     {"title": "distance from the truth", "yscale": "log", "ylabel": "worst band, |ratio - 1|", "curves": []},
 ]
 for name, (colour, dashes, marker) in zip(methods, looks, strict=False):
-    views = source_number_criteria(case, [one for one in removers if one.name == name], first_sky.mocks)
+    several = [one for one in removers if one.name == name]
+    views = source_number_criteria(case, several, first_sky.mocks)
+    values = eigenvalues(case, "beams" in several[0].uses)
     label = styles.numbered(name, None)
     look = {"color": colour, "linestyle": dashes, "marker": marker, "markersize": 4, "label": label}
     faint = look | {"linewidth": 0.8, "fillstyle": "none", "label": f"{label}, corrected"}
-    shown = views.eigenvalues[:20]
-    line = eigenvalue_line(views.eigenvalues)[:20]
+    shown, line = values[:20], eigenvalue_line(values)[:20]
     panels[0]["curves"] += [
         (range(1, len(shown) + 1), shown, look),
         (range(1, len(shown) + 1), line, {"color": colour, "linewidth": 0.8, "label": f"_{label}, line"}),
     ]
-    panels[1]["curves"].append((views.counts, views.bic, look))
-    panels[2]["curves"] += [
-        (views.counts[:-1], views.change, look),
-        (views.counts[:-1], views.corrected_change, faint),
-    ]
-    panels[3]["curves"] += [(views.counts, views.error, look), (views.counts, views.corrected_error, faint)]
+    for panel, column, style in (
+        (1, "bic", look),
+        (2, "change", look),
+        (2, "corrected_change", faint),
+        (3, "error", look),
+        (3, "corrected_error", faint),
+    ):
+        curve = views[column].dropna()
+        panels[panel]["curves"].append((curve.index, curve.to_numpy(), style))
 for limit in (STABLE, SETTLED):
     panels[2]["curves"].append(((1, n_sources_max), (limit, limit), {"color": "0.7", "linewidth": 0.8}))
 for panel in panels:

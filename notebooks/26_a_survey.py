@@ -71,7 +71,6 @@ from himap.cubes import beams_of, clean_cube, read_cube
 from himap.cubes.mocks import draw_mocks
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show, show_table
-from himap.figures.planes import patch_maps
 from himap.instrument.beams import named
 from himap.measures import diagnostics
 from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits, patch_sky
@@ -111,7 +110,7 @@ maps_of_hits = {
 }
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-hits", "caption": "Hits of the pixels, relative to the largest (left), and the share of the channels that is lost on each line of sight (right)."}}
-study.stamped(patch_maps(maps_of_hits, field.box, unit=""), beam=selected, patch=patch)
+study.stamped(plotting.sky_maps(maps_of_hits, box=field.box, unit=""), beam=selected, patch=patch)
 
 # %% [markdown]
 # Channels at 100 % are not in the cube.
@@ -223,7 +222,9 @@ errors_at = {way: at(left[first, way][channel] - truth[channel]) for way in WAYS
 widest = np.nanpercentile(np.abs(list(errors_at.values())), 99)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-maps", "caption": "A channel in the middle of the band: as observed; the truth; the residual of PCA with weights and flags, and with neither; all but the first on one colour scale. Unobserved pixels are white."}}
-study.stamped(patch_maps(pictures, field.box, span=span), beam=selected, patch=patch, channel=f"{freq:g} MHz")
+study.stamped(
+    plotting.sky_maps(pictures, box=field.box, span=span), beam=selected, patch=patch, channel=f"{freq:g} MHz"
+)
 
 # %% [markdown]
 # The errors (residual less truth) on a scale that shows them: with weights or flags HI and noise that the
@@ -231,7 +232,7 @@ study.stamped(patch_maps(pictures, field.box, span=span), beam=selected, patch=p
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-errors", "caption": "The same channel: residual of PCA less the truth, with weights and flags, with flags alone, and with neither, on one colour scale."}}
 study.stamped(
-    patch_maps(errors_at, field.box, span=(-widest, widest), diverging=True),
+    plotting.sky_maps(errors_at, box=field.box, span=(-widest, widest), diverging=True),
     beam=selected,
     patch=patch,
     channel=f"{freq:g} MHz",

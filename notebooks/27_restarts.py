@@ -67,10 +67,9 @@ from himap.figures import plotting
 from himap.figures.numbers import one_run, quote, show, show_table
 from himap.figures.tables import Table
 from himap.measures.diagnostics import FAILING
-from himap.measures.ensembles import compare_samples
 from himap.paper import ensembles
 from himap.paper.authors_code import read_authors_ensemble
-from himap.paper.ensembles import MEASURES, VARIANTS, curves
+from himap.paper.ensembles import MEASURES, VARIANTS, compare_samples, curves
 from himap.paper.ensembles_figures import distributions_figure, growth_figure, variants_figure
 from himap.paper.experiments import authors, find_experiment
 from himap.paper.methods import paper_beams, sdecgmca_for

@@ -10,9 +10,9 @@ from scipy.stats import ks_2samp
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams.paper import Oscillating
-from himap.measures.ensembles import compare_samples
 from himap.paper import ensembles
 from himap.paper.authors_code import read_authors_ensemble
+from himap.paper.ensembles import compare_samples
 from himap.paper.ensembles_figures import distributions_figure, growth_figure, variants_figure
 from himap.paper.experiments import authors
 from himap.paper.pipeline import Case

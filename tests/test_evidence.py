@@ -70,7 +70,7 @@ def _with_peaks(case, monkeypatch, hi, noise, foreground):
         flagged[place] = True
     masked = PeakMasked(maps=observed.maps, flagged=flagged)
     monkeypatch.setattr(pipeline, "peak_masked", lambda case, spread: masked)
-    monkeypatch.setattr(evidence, "_hi_through_beam", lambda case, lines: parts[0][:, lines])
+    monkeypatch.setattr(pipeline, "hi_seen", lambda case: parts[0])
 
 
 def test_a_masked_voxel_belongs_to_what_stands_out_most(monkeypatch):
@@ -91,7 +91,7 @@ def test_no_masked_voxel(monkeypatch):
 def test_hi_through_the_beam_is_the_truth_without_the_noise():
     case = pipeline.Case(survey=SURVEY, beam=Evolving())
     lines = np.arange(0, SURVEY.n_pix, 7)
-    noise = pipeline.observation(case).truth[:, lines] - evidence._hi_through_beam(case, lines)
+    noise = pipeline.observation(case).truth[:, lines] - pipeline.hi_seen(case)[:, lines]
     expected = sphere.synthesise(pipeline.noise_alms(SURVEY), 8)[:, lines]
     assert np.corrcoef(noise.ravel(), expected.ravel())[0, 1] > 0.8
     assert np.std(noise) < 1.5 * np.std(expected)
@@ -105,7 +105,7 @@ def test_no_cube_is_held_but_hi_through_the_beam(monkeypatch, rng):
     monkeypatch.setattr(pipeline, "observation", lambda case: observed)
     masked = PeakMasked(maps=observed.maps, flagged=rng.random(shape) < 0.2)
     monkeypatch.setattr(pipeline, "peak_masked", lambda case, spread: masked)
-    monkeypatch.setattr(evidence, "_hi_through_beam", lambda case, lines: cube[:, lines])
+    monkeypatch.setattr(pipeline, "hi_seen", lambda case: cube)
     tracemalloc.start()
     counts = evidence.masked_voxels.compute(None)
     peak = tracemalloc.get_traced_memory()[1]
@@ -119,7 +119,7 @@ def test_noise_and_hi_are_those_of_the_truth(beam):
     """Only the degraded beam smooths the noise."""
     case = pipeline.Case(survey=SURVEY, beam=beam)
     found = evidence.noise_and_hi(case)
-    hi = evidence._hi_through_beam(case, np.arange(SURVEY.n_pix))
+    hi = pipeline.hi_seen(case)
     for one, cube in zip(found, (pipeline.truth(case) - hi, hi), strict=True):
         inside = slice(2, 2 * SURVEY.nside + 1)
         assert one.angular.mean[inside] == pytest.approx(angular_power(cube).mean[inside], rel=0.02)

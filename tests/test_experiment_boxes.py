@@ -14,7 +14,6 @@ from himap.paper.experiments.boxes import (
     EXPERIMENT,
     QUANTITIES,
     measure,
-    seen_through,
     skies,
     table_of,
 )
@@ -59,7 +58,7 @@ def test_numbers_are_those_of_the_maps(rows):
 
 def test_the_beam_is_that_of_healpy(rows):
     (case,) = skies(**TINY)
-    seen, alms = seen_through(Degraded(), case.survey), pipeline.hi_alms_of_sky(case.survey.sky)
+    seen, alms = pipeline.hi_seen(case), pipeline.hi_alms_of_sky(case.survey.sky)
     window = Degraded().of_survey(case.survey).total[0]
     expected = hp.alm2map(hp.almxfl(alms[0].astype(complex), window), case.survey.nside)
     assert seen[0] == pytest.approx(expected, abs=1e-5 * expected.std())

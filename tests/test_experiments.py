@@ -11,13 +11,13 @@ from himap.core.errors import InputError
 from himap.instrument.noise import noise_sigma
 from himap.measures.bootstrap import sigma
 from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
-from himap.paper import cleaned, mocks, pipeline
+from himap.paper import cleaned, pipeline
 from himap.paper.choice import minka
 from himap.paper.experiment_figures import transfer_figure
 from himap.paper.experiments import find_experiment, n_sources, transfer
 from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
 from himap.paper.mocks import Mock, own_recovery
-from himap.removal import GNILC, PCA, SDecGMCA
+from himap.removal import PCA
 
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
 BANDS = ["C/C0, 2-4", "C/C0, 5-9", "C/C0, 10-19", "P/P0, 0-0.03", "P/P0, 0.03-0.1", "P/P0, k > 0.1"]
@@ -67,16 +67,6 @@ def test_bad_settings_are_refused_before_any_work(name, given, message):
     assert message in str(caught.value)
 
 
-def test_seeds_and_methods():
-    methods = [["pca", 3], ["sdecgmca", 4], ["gnilc", None]]
-    cases, (pca, sdecgmca, gnilc) = cases_and_methods(
-        **TINY, methods=methods, reading="letter", n_realisations=2
-    )
-    assert [case.survey.seed for case in cases] == [2025, 2026]
-    assert (pca, gnilc) == (PCA(n_sources=3), GNILC())
-    assert isinstance(sdecgmca, SDecGMCA) and (sdecgmca.n_sources, sdecgmca.thresholds) == (4, "mad")
-
-
 class TestMaking:
     @pytest.fixture
     def sky(self, tmp_path, monkeypatch):
@@ -96,13 +86,6 @@ class TestMaking:
         ((*_, own, transfers),) = measured_recoveries(sky)
         assert (own.output.power == before[0][2].output.power).all() and len(transfers.mocks) == 2
 
-    def test_products_that_were_there_before_stay(self, sky):
-        ((case, (pca,)),) = sky.methods.items()
-        cleaned.separation(case, pca)
-        ((*_, transfers),) = measured_recoveries(replace(sky, corrected=("gnilc",)))
-        assert cleaned.separation.is_cached(case, pca) and pipeline.observation.is_cached(case)
-        assert transfers is None
-
     @pytest.mark.parametrize("known", [False, True])
     def test_each_method_separates_a_sky_once(self, sky, monkeypatch, known):
         """Also where only the mocks are new."""
@@ -113,12 +96,6 @@ class TestMaking:
         monkeypatch.setattr(PCA, "separate", lambda *args, **own: calls.append(1) or separate(*args, **own))
         measured_recoveries(sky)
         assert len(calls) == 3 - known  # the sky, unless it was kept, and the sky with each mock
-
-    def test_an_error_leaves_no_cubes(self, sky, monkeypatch):
-        monkeypatch.setattr(mocks, "mock_power", lambda *_: 1 / 0)
-        with pytest.raises(ZeroDivisionError):
-            measured_recoveries(sky)
-        assert not pipeline.observation.is_cached(next(iter(sky.methods)))
 
 
 class TestTransfer:
@@ -259,19 +236,6 @@ class TestNumberOfSources:
         right = table[table["recommended"] == table["best"]]
         assert right["bias"].tolist() == right["least_bias"].tolist() and len(right)
         assert minka(next(iter(grid[0].methods))) in range(1, 17)
-
-    def test_each_method_separates_a_sky_once(self, tmp_path, monkeypatch):
-        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-        found, separate = [], PCA.separate
-        monkeypatch.setattr(
-            PCA, "separate", lambda *args, **own: found.append(args[0]) or separate(*args, **own)
-        )
-        (sky,) = n_sources.skies(**self.GRID | {"n_sources_max": 2}, n_realisations=1)
-        n_sources.EXPERIMENT.table([sky])
-        numbers = [remover.n_sources for remover in found]
-        assert sorted(numbers) == [1, 1, 2, 2]  # the sky, and the sky with the mock
-        ((case, _),) = sky.methods.items()
-        assert not cleaned.separation.is_cached(case, PCA(n_sources=1))
 
     def test_cases(self):
         given = {"beams": ["degraded", "evolving"], "noises": [1, 3]}

@@ -154,16 +154,12 @@ class TestPair:
             assert found.mean[1:] == pytest.approx(expected.mean[1:], rel=1e-3)
             assert found.cl[:, 1:] == pytest.approx(expected.cl[:, 1:], rel=0.03)
 
-    def test_faint_differences_roughly(self, pair, monkeypatch):
-        """What is small in every channel is transformed without refinements, and nobody can tell."""
-        truth = pair[1]
-        faint = (truth + 0.03 * (pair[0] - truth)).astype(np.float32)
-        found, _ = spectra_of(faint, truth)
-        monkeypatch.setattr(measures, "_MINOR", 0)
-        closely, _ = spectra_of(faint, truth)
-        assert not np.array_equal(found.cl, closely.cl)
-        assert found.cl[:, SEEN] == pytest.approx(closely.cl[:, SEEN], rel=0.01)
-        assert found.mean[SEEN] == pytest.approx(closely.mean[SEEN], rel=1e-3)
+    def test_faint_differences(self, pair):
+        """Terms that are minor in every channel are transformed roughly, and nobody can tell."""
+        faint = (pair[1] + 0.03 * (pair[0] - pair[1])).astype(np.float32)
+        found, expected = spectra_of(faint, pair[1])[0], angular_power(faint)
+        assert found.cl[:, SEEN] == pytest.approx(expected.cl[:, SEEN], rel=0.03)
+        assert found.mean[SEEN] == pytest.approx(expected.mean[SEEN], rel=1e-3)
 
     @pytest.mark.parametrize("mask", [None, CUT, 0.5 + 0.5 * CUT, CUT * 0.5])
     def test_coefficients_of_the_unmasked_truth(self, pair, mask):
@@ -202,10 +198,6 @@ class TestPair:
         expected = angular_power(faint + 100, mask=mask)
         inside = (expected.degrees > 10) & (expected.degrees < 2 * NSIDE)
         assert found.mean[inside] == pytest.approx(expected.mean[inside], rel=5e-3)
-
-    def test_equal_cubes_have_equal_spectra(self, pair):
-        found, true = spectra_of(pair[1], pair[1])
-        assert np.array_equal(found.cl, true.cl)
 
     def test_a_difference_of_full_rank(self, rng):
         """Noise in every channel is no short sum of spectra: nothing is left out."""

@@ -139,13 +139,6 @@ def test_a_table_has_a_column_for_each_quantity():
     assert cells(show({"10 < l": (1.0, 0.1, "mK"), "n": 3}).html())[0] == ["10 &lt; l", "1.00 ± 0.10", "mK"]
 
 
-def test_only_what_is_of_one_run_is_marked():
-    table = show_table({"PCA": {"C": (0.987, 0.01)}, "SDecGMCA": one_run({"C": (0.987, 0.01)})})
-    assert cells(table.html()) == [["", "C"], ["PCA", "0.987 ± 0.010"], ["SDecGMCA", "0.99†"]]
-    assert f"<small>{NOT_COMPARED}</small>" in table.html() and repr(table).endswith(f"\n{NOT_COMPARED}")
-    assert table.markdown()[-1] == NOT_COMPARED
-
-
 def test_restarts_have_a_median_and_a_band_and_are_not_compared():
     table, other = (
         show_table({"SD": of_restarts([{"C": (value, 0.01, "mK"), "settled": text} for value, text in runs])})

@@ -36,13 +36,6 @@ def test_foregrounds_are_the_sum_of_their_components():
     assert maps.min() > 0
 
 
-def test_observation_says_what_it_is():
-    seen = pipeline.observation(CASE)
-    assert seen.maps.shape == seen.truth.shape == (20, 12 * 16**2)
-    assert np.array_equal(seen.freqs, SMALL.freqs) and seen.channel_width == SMALL.channel_width
-    assert seen.beams == pytest.approx(Degraded().of_survey(SMALL).total)
-
-
 def test_every_component_draws_from_its_own_stream():
     seen = pipeline.observation(replace(CASE, beam=Evolving()))
     alms = sphere.analyse(pipeline.hi_of_sky(SMALL.sky), n_iter=sphere.N_ITER_FLAT)

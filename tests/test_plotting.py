@@ -93,14 +93,13 @@ class TestSpectrum:
         x = np.arange(100.0)  # 0 is not on a logarithmic axis
         truth = x + 1
         curves = [(PCA, x, 1.1 * truth, truth)]
-        figure = plotting.spectrum([PANEL | {"true": (x, truth), "curves": curves, "x_limits": (2, 50)}])
+        figure = plotting.spectrum([PANEL | {"true": (x, truth), "curves": curves}])
         top, bottom = figure.axes
         assert bottom.lines[-1].get_ydata() == pytest.approx(1.1)
-        assert bottom.lines[-1].get_xdata()[[0, -1]] == pytest.approx([2, 50])
+        assert bottom.lines[-1].get_xdata()[[0, -1]] == pytest.approx([1, 99])
         figure.draw_without_rendering()
         assert top.get_position().x0 == pytest.approx(bottom.get_position().x0)
-        assert texts(bottom.get_xticklabels()) == ["2", "5", "10", "20", "50"]
-        assert plotting.spectrum([PANEL | {"true": (x, truth)}]).axes[0].lines[0].get_xdata()[0] == 1
+        assert texts(bottom.get_xticklabels()) == ["1", "2", "5", "10", "20", "50"]
 
     def test_all_ratios_are_there(self):
         """On one axis in all panels, however far from 1, and 20 % about it in any case."""
@@ -187,13 +186,6 @@ class TestLines:
         assert kept[3:6] == [["P", "all 101: 5 %", str(n), y] for n, y in enumerate(("5", "10", "-95"))]
         assert len(rows_of(plotting.lines([panel | {"bundles": [(x, ys[:0], style)]}]))) == 3
 
-    def test_short_logarithmic_axes_have_plain_ticks(self):
-        panel = {"curves": [([2, 128], [1, 2], {})], "xscale": "log", "xlim": (2, 128)}
-        axes = plotting.lines([panel]).axes[0]
-        axes.figure.draw_without_rendering()
-        labels = texts([*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)])
-        assert labels == ["2", "5", "10", "20", "50", "100"]
-
     def test_a_legend_above_all_panels_has_each_label_once(self):
         panels = [{"curves": [(K, K, {"label": "a"}), (K, -K, {"label": name})]} for name in ("b", "_c")]
         figure = plotting.lines(panels, legend_above=True)
@@ -217,19 +209,6 @@ class TestLines:
 
 
 class TestRatios:
-    def test_there_and_back(self):
-        ratios = np.array([1e-3, 0.5, 0.999, 1, 1.05, 2, 1e7])
-        assert scale.backward(scale.forward(ratios)) == pytest.approx(ratios)
-        ratios = ratios[:-1]  # what is below 1e-4 is drawn there
-        assert scale.forward(1 / ratios) == pytest.approx(-scale.forward(ratios))
-        assert scale.forward(1.001) == pytest.approx(0.001 / scale.NEAR, rel=1e-2)
-        assert np.isfinite(scale.forward([-1, 0])).all()
-
-    def test_limits_hold_all_and_the_surroundings_of_1(self):
-        assert scale.ratio_limits([[0.99, 1.01], [np.nan]]) == (0.8, 1.2)
-        low, high = scale.ratio_limits([[0.01, 1e7]])
-        assert low < 0.01 and high > 1e7
-
     @pytest.mark.parametrize("limits", [(0.8, 1.2), (0.5, 100), (1e-3, 1e7), (0.9, 1.1)])
     def test_numbers_find_room(self, limits):
         shown = scale.ratio_ticks(*limits)
@@ -283,16 +262,6 @@ class TestMarks:
         expected = [["A1", column, f"{n}", f"{y}"] for column, n, y in (("one", 0, 0), ("one", 1, 0))]
         assert rows_of(figure)[:2] == expected and rows_of(figure)[3] == ["A1", "two", "1", "1"]
 
-    def test_signs_fit_their_cells(self):
-        """With as many columns as there are readings, a sign in half a cell does not touch the next."""
-        figure = planes.marks({"all": {"A": [["good", "bad"]] * 19}}, [f"{n}" for n in range(19)], self.LOOKS)
-        figure.draw_without_rendering()
-        (axes,) = figure.axes
-        cells = [patch.get_window_extent() for patch in axes.patches]
-        signs = [text.get_window_extent().width for text in axes.texts if text.get_text() in "✓✗"]
-        assert max(signs) < min(cell.width for cell in cells)
-        assert np.ptp([cell.height for cell in cells]) < 1
-
 
 class TestData:
     def test_maps_are_healpy_means_to_four_digits(self, rng):
@@ -336,13 +305,6 @@ class TestStyles:
         for looks in (styles.METHOD_STYLES.values(), styles.BEAM_STYLES.values()):
             for key in ("color", "linestyle"):
                 assert len({style[key] for style in looks}) == len(looks)
-
-    def test_methods_of_our_own_are_darker_than_the_others(self):
-        """So they stand apart in grey too, between these and the black of the truth."""
-        grey = {name: grey_of(style["color"]) for name, style in styles.METHOD_STYLES.items()}
-        subspace, smooth = grey.pop("beam_subspace"), grey.pop("smooth_spectra")
-        assert 0.1 < subspace < min(grey.values()) - 0.1
-        assert subspace + 0.05 < smooth < min(grey.values()) - 0.05
 
     def test_a_sequence_gets_lighter_and_neighbours_differ_in_their_dashes(self):
         looks = styles.sequence(["2", "3", "5", "6", "7", "10", "20"])

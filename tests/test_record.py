@@ -155,46 +155,9 @@ class TestCheck:
         with pytest.raises(InputError, match=message):
             record.check(changed(record, **cells), ABOUT)
 
-    def test_numbers_of_single_draws_are_not_compared(self, record):
-        drawn = np.array([False, True, False, False])
-        assert "checked" in record.check(changed(record, ratio=9.0), ABOUT, drawn=drawn).about
-        with pytest.raises(InputError, match="1 of 4 rows of the seed 7 have changed"):
-            record.check(changed(record, ratio=9.0), ABOUT, drawn=~drawn)
-        with pytest.raises(InputError, match="have changed"):
-            record.check(changed(record, method="ica"), ABOUT, drawn=drawn)
-
     def test_other_rows(self, record):
         with pytest.raises(InputError, match="the record has 4 rows of the seed 7, 3 were measured"):
             record.check(changed(record)[:3], ABOUT)
-
-
-class TestGrow:
-    def test_skies_time_and_commits_add_up(self, record):
-        made = ABOUT | {"commit": "def5678", "overrides": [["n_realisations", 1], ["n_mocks", 3]]}
-        more = record.grow(EXPERIMENT.table([Sky(9, rows_of(9))]), made)
-        more = more.grow(EXPERIMENT.table([Sky(10, rows_of(10))]), made)
-        assert more.seeds == [7, 8, 9, 10] and more.about["seconds"] == 30
-        assert more.about["overrides"] == [["n_realisations", 4], ["n_mocks", 3]]
-        assert more.about["grown"] == ["def5678"] and more.about["code"] == ABOUT["code"]
-        assert record.seeds == [7, 8]
-
-    def test_only_the_skies_that_are_missing(self, record):
-        assert record.missing([7, 8, 9], ABOUT) == [9]
-        checked = replace(record, about=ABOUT | {"code": TOMORROW, "checked": {"code": ABOUT["code"]}})
-        assert checked.missing([8, 9], ABOUT) == [9]
-
-    @pytest.mark.parametrize(
-        ("about", "message"),
-        [
-            ({"overrides": [["n_realisations", 2], ["n_mocks", 4]]}, r"other parameters \(n_mocks\)"),
-            ({"overrides": [["n_realisations", 2]]}, r"other parameters \(n_mocks\)"),
-            ({"seed": 8, "preset": "quick"}, r"other parameters \(preset, seed\)"),
-            ({"code": TOMORROW}, "made by other code; see with --check"),
-        ],
-    )
-    def test_skies_that_are_not_alike(self, record, about, message):
-        with pytest.raises(InputError, match=message):
-            record.missing([9], ABOUT | about)
 
 
 class TestExperiments:
@@ -222,7 +185,3 @@ class TestExperiments:
         experiment = find_experiment(name)
         assert experiment.name == name and set(experiment.key) <= set(experiment.columns)
         assert measuring_code(name) == measuring_code(name, CodeTree(texts=LOADED))
-
-    def test_unknown(self):
-        with pytest.raises(InputError, match="unknown experiment 'x'; there are authors, beam_errors"):
-            find_experiment("x")

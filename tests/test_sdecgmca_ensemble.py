@@ -25,10 +25,9 @@ from scipy.stats import binomtest
 
 from himap.core.survey import Survey
 from himap.instrument.beams.paper import Oscillating
-from himap.measures.ensembles import compare_samples
 from himap.paper import cleaned
 from himap.paper.authors_code import read_authors_ensemble
-from himap.paper.ensembles import curves, samples
+from himap.paper.ensembles import compare_samples, curves, samples
 from himap.paper.experiments import authors
 from himap.paper.pipeline import Case
 from himap.paper.readings import FAILING

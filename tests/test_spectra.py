@@ -89,12 +89,6 @@ def test_fallback_divides_by_the_mean_square_of_the_weights(rng, monkeypatch):
     assert power.mean[inside].mean() == pytest.approx(4 * np.pi / N_PIX, rel=0.03)
 
 
-def test_hopeless_mask_falls_back_with_a_warning(rng):
-    with pytest.warns(UserWarning, match="divided by that fraction"):
-        power = angular_power(rng.standard_normal((1, N_PIX)), mask=LATITUDE > 85, bin_width=1)
-    assert power.mean[20:90].mean() == pytest.approx(4 * np.pi / N_PIX, rel=0.2)
-
-
 @pytest.mark.parametrize("outside", [1e6, np.nan])
 def test_what_the_mask_leaves_out_may_be_anything(rng, outside):
     """Nor does a bright region that is masked leave a step behind when the mean is removed."""
@@ -110,12 +104,6 @@ def test_weights_count_once_in_the_frequency_spectrum(rng):
     centred = maps - np.average(maps, axis=1, weights=APODISED)[:, None]
     expected = np.average(np.abs(np.fft.rfft(centred, axis=0)) ** 2 / 8, axis=1, weights=APODISED)
     assert frequency_power(maps, 1.0, mask=APODISED).power == pytest.approx(expected)
-
-
-def test_unmasked_mask_changes_nothing(rng):
-    maps = realisations(RED, 2, rng)
-    masked = angular_power(maps, mask=np.ones(N_PIX, dtype=bool))
-    assert masked.cl[:, 2:64] == pytest.approx(angular_power(maps).cl[:, 2:64], rel=1e-4)
 
 
 def test_bins(rng):

@@ -62,11 +62,6 @@ def subplots(n, columns, size, *, room=0, **options):
     return figure, grid.flat[:n]
 
 
-def by_title(options, title):
-    """`options` of one of several panels, {name: value}, where some values are {title: value}."""
-    return {key: each.get(title) if isinstance(each, dict) else each for key, each in options.items()}
-
-
 def forward(ratio):
     """Places of ratios on their axis."""
     return np.arcsinh(np.log(np.maximum(ratio, _LEAST)) / NEAR)

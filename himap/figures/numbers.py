@@ -55,19 +55,10 @@ class Marked(tuple):
 def one_run(entry):
     """Mark a number, or all in a dictionary, as of one run of a chaotic method such as SDecGMCA.
 
-    It is shown to the digits that its tolerance is sure of, with the sign that `NOT_COMPARED` explains. See
-    `agree` for what a test still compares.
-
-    Parameters
-    ----------
-    entry
-        As in `show`; a text, such as a verdict or a "–" where a run may have no such number; or a dictionary
-        of these.
-
-    Returns
-    -------
-    Marked or dict
-        Still a tuple, so that code which takes the value out of an entry need not know.
+    An entry is as in `show`; a text, such as a verdict or a "–" where a run may have no such number; or a
+    dictionary of these. It is shown to the digits that its tolerance is sure of, with the sign that
+    `NOT_COMPARED` explains, and is still a tuple, so that code which takes the value out of an entry need not
+    know. See `agree` for what a test still compares.
 
     >>> show(one_run({"C/C0": (0.9784, 0.01), "settled": "yes"}) | {"channels": 125})
     C/C0: 0.98†
@@ -81,17 +72,8 @@ def one_run(entry):
 def of_restarts(entries):
     """Median and 16 to 84 % band of what several runs of a chaotic method have, marked as of `one_run`.
 
-    Parameters
-    ----------
-    entries
-        As in `show`, for each run one: numbers with a tolerance, texts (of which it counts how many there
-        are of each), or dictionaries of these.
-
-    Returns
-    -------
-    Marked or dict
-        A tuple with the median in place of the number, so that code which takes the value out of an entry
-        need not know. Of a single run it is that of `one_run`.
+    Entries are as in `show`, one for each run: numbers with a tolerance, in whose place is their median;
+    texts, which are counted; or dictionaries of these. Of a single run it is that of `one_run`.
 
     >>> runs = [{"C/C0": (value, 0.01), "settled": "no"} for value in (0.97, 0.98, 1.07)]
     >>> show(of_restarts(runs))
@@ -203,16 +185,7 @@ def quote(**numbers):
     ``{glue:text}`../notebooks/04_pca.ipynb::name:s```. It reads the value alone, to the digits that the
     tolerance is sure of, with its unit. Names begin with the topic of the notebook, unique in the book.
 
-    Parameters
-    ----------
-    numbers
-        Entries as in `show`: ``name=(value, tolerance)``, ``name=(value, tolerance, unit)``, a value that
-        must come out the same everywhere, such as a count or a text, or what `one_run` makes of these.
-
-    Raises
-    ------
-    InputError
-        As `show`.
+    Entries, and what is refused, are as in `show`.
     """
     from IPython import get_ipython  # slow, and most callers of this module do without
 

@@ -1,60 +1,23 @@
-"""Figures of images in the plane, of power over two wavenumbers, and of marks in a table.
+"""Figures of images in their projection, of power over two wavenumbers, and of marks in a table.
 
 Colours of images are those of cividis, which is monotonic in lightness.
 """
 
 import matplotlib.pyplot as plt
 import numpy as np
-from astropy.coordinates import SkyCoord
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from himap.figures.axes import CURVES, PICTURES, by_title, decade_ticks, drawn, subplots
-from himap.figures.data import with_curves, with_image, with_maps
+from himap.figures.axes import PICTURES, decade_ticks, drawn, subplots
+from himap.figures.data import with_curves, with_image
 from himap.figures.plotting import show_map
-from himap.maps import sphere
 
 _NAMES = {"RA": "RA", "DEC": "Dec", "GLON": "Galactic longitude", "GLAT": "Galactic latitude"}
 _BLANK = "0.85"  # grey of what has no value
 _PERCENTILES = (2, 98)
-_N_ROWS = 160  # of the picture of a patch
 _CELL = (0.36, 0.2)  # width and height of a mark, inches
 _SIDES = (3.1, 2.1)  # of the names of rows and columns
-
-
-@drawn(CURVES | {"axes.grid": False})
-def patch_maps(maps, box, *, unit="mK", span=None, diverging=False):
-    """A figure of a small part of several maps, each with its own colours; right ascension grows to the left.
-
-    Parameters
-    ----------
-    maps
-        {title: (n_pix,)}, Galactic RING; NaN where there is nothing.
-    box
-        (lowest, highest) right ascension and (lowest, highest) declination, deg; the former may be negative,
-        or more than 360.
-    unit, span, diverging
-        As in `himap.figures.plotting.sky_maps`.
-    """
-    (left, right), (low, high) = box
-    aspect = 1 / np.cos(np.deg2rad(np.mean(box[1])))  # a degree of declination over one of right ascension
-    width, height = (right - left) / aspect, high - low
-    n_columns = int(_N_ROWS * width / height)
-    x, y = (np.arange(n) + 0.5 for n in (n_columns, _N_ROWS))
-    ra, dec = np.meshgrid(right - (right - left) * x / n_columns, low + height * y / _N_ROWS)
-    places = SkyCoord(np.mod(ra, 360), dec, unit="deg").galactic
-    size = (4.6, 1.2 + 4.6 * height / width)
-    figure, grid = subplots(len(maps), min(2, len(maps)), size, dpi=100)
-    options = {"unit": unit, "span": span, "diverging": diverging}
-    chosen = [by_title(options, title) for title in maps]
-    for axes, (title, pixels), look in zip(grid, maps.items(), chosen, strict=True):
-        values = pixels[sphere.pixel_at(sphere.nside_of(pixels), places.l.deg, places.b.deg)]
-        look["span"] = np.nanpercentile(pixels, (1, 99)) if look["span"] is None else look["span"]
-        show_map(axes, values, title, **look, extent=(right, left, low, high), aspect=aspect, pad=0.03)
-        axes.set(xlabel="right ascension [deg]", ylabel="declination [deg]")
-        axes.xaxis.set_major_formatter(lambda x, _: f"{x % 360:g}")
-    return with_maps(figure, maps, [look["unit"] or "" for look in chosen])
 
 
 @drawn(PICTURES)

@@ -13,7 +13,6 @@ from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator
 
 from himap.figures.axes import (
     CURVES,
-    by_title,
     drawn,
     legend_above_all,
     ratio_limits,
@@ -30,6 +29,7 @@ _WIDTH = 9.2  # inches of a figure as wide as a page, where 10 points are as lar
 _BAND = 0.1  # half width of the grey band of ratios around 1
 _BANDS = (16, 50, 84)  # percentiles that are drawn of an ensemble
 _PERCENTILES = (0, 5, 50, 95, 100)  # of a bundle of curves: what is kept of its numbers
+_N_ROWS = 160  # of the picture of a part of the sky
 
 
 def mollweide(n_columns=720):
@@ -43,14 +43,30 @@ def mollweide(n_columns=720):
     return np.rad2deg(lon), np.rad2deg(lat)
 
 
-@drawn(CURVES)
-def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None, span=None, diverging=False):
-    """A figure of maps in Mollweide projection, {title: (n_pix,)}; each has its own colour bar.
+def _patch(box):
+    """As `mollweide`, of an image of a box, right ascension to the left, and how `Axes.imshow` draws it."""
+    from astropy.coordinates import SkyCoord  # slow, and most figures do without
+
+    (left, right), (low, high) = box
+    aspect = 1 / np.cos(np.deg2rad(np.mean(box[1])))  # a degree of declination over one of right ascension
+    n_columns = int(_N_ROWS * (right - left) / aspect / (high - low))
+    x, y = (np.arange(n) + 0.5 for n in (n_columns, _N_ROWS))
+    ra, dec = np.meshgrid(right - (right - left) * x / n_columns, low + (high - low) * y / _N_ROWS)
+    places = SkyCoord(np.mod(ra, 360), dec, unit="deg").galactic
+    return places.l.deg, places.b.deg, {"extent": (right, left, low, high), "aspect": aspect, "pad": 0.03}
+
+
+@drawn(CURVES | {"axes.grid": False})
+def sky_maps(maps, *, box=None, columns=2, unit="mK", log=False, limits=None, span=None, diverging=False):
+    """A figure of maps, {title: (n_pix,)}; each has its own colour bar.
 
     Parameters
     ----------
     maps
-        RING.
+        Galactic, RING; NaN where there is nothing.
+    box
+        The part that is shown: (lowest, highest) right ascension and (lowest, highest) declination, deg; the
+        former may be negative, or more than 360. None for the whole sky, in Mollweide projection.
     columns
         Of maps.
     unit, log, limits, span, diverging
@@ -59,25 +75,33 @@ def sky_maps(maps, *, columns=2, unit="mK", log=False, limits=None, span=None, d
         `diverging` for those of errors: even about 0, which is white.
     """
     options = {"unit": unit, "log": log, "limits": limits, "span": span, "diverging": diverging}
-    chosen = [by_title(options, title) for title in maps]
-    figure, grid = subplots(len(maps), min(columns, len(maps)), (4.6, 2.9), dpi=80)
+    chosen = [
+        {key: each.get(title) if isinstance(each, dict) else each for key, each in options.items()}
+        for title in maps
+    ]
+    view = (*mollweide(), {"extent": (-2, 2, -1, 1), "pad": 0.02}) if box is None else _patch(box)
+    room, dpi = (0.6, 80) if box is None else (1.2, 100)
+    height = room + 4.6 * view[0].shape[0] / view[0].shape[1]
+    figure, grid = subplots(len(maps), min(columns, len(maps)), (4.6, height), dpi=dpi)
     for axes, (title, pixels), look in zip(grid, maps.items(), chosen, strict=True):
-        _draw_sky(axes, pixels, title, **look)
+        _draw_sky(axes, pixels, title, view, **look)
+        if box is None:
+            angle = np.linspace(0, 2 * np.pi, 400)
+            axes.plot(2 * np.cos(angle), np.sin(angle), color="black", linewidth=0.8, clip_on=False)
+            axes.set_axis_off()
+        else:
+            axes.set(xlabel="right ascension [deg]", ylabel="declination [deg]")
+            axes.xaxis.set_major_formatter(lambda x, _: f"{x % 360:g}")
     return with_maps(figure, maps, [look["unit"] or "" for look in chosen])
 
 
-def _draw_sky(axes, pixels, title, *, unit, log, limits, span, diverging):
-    lon, lat = mollweide()
+def _draw_sky(axes, pixels, title, view, *, unit, log, limits, span, diverging):
+    lon, lat, frame = view
     inside = np.isfinite(lon)
     image = np.full(lon.shape, np.nan)
     image[inside] = pixels[sphere.pixel_at(sphere.nside_of(pixels), lon[inside], lat[inside])]
-    low, high = np.percentile(pixels, limits or (1, 99)) if span is None else span
-    bar = show_map(
-        axes, image, title, unit, (low, high), log=log, diverging=diverging, extent=(-2, 2, -1, 1), pad=0.02
-    )
-    angle = np.linspace(0, 2 * np.pi, 400)
-    axes.plot(2 * np.cos(angle), np.sin(angle), color="black", linewidth=0.8, clip_on=False)
-    axes.set_axis_off()
+    low, high = np.nanpercentile(pixels, limits or (1, 99)) if span is None else span
+    bar = show_map(axes, image, title, unit, (low, high), log=log, diverging=diverging, **frame)
     bar.locator = MaxNLocator(4)  # more would run into each other
     if log:
         if high >= 3 * low:  # two or more fall on the bar
@@ -109,8 +133,8 @@ def spectrum(panels):
     panels
         A list of dicts: "title"; "xlabel", "ylabel", "ratio_label"; "true", a spectrum (x, y); "curves", a
         list of (style, x, recovered, true) with styles of `himap.figures.styles`, spectra (n,), or
-        (n_members, n) of an ensemble, which is drawn as in `lines`; optional "x_limits". Curves of one label
-        are the same in all panels: where these or they are many, one legend stands above.
+        (n_members, n) of an ensemble, which is drawn as in `lines`. Curves of one label are the same in all
+        panels: where these or they are many, one legend stands above.
     """
     one_scale = len({panel["ylabel"] for panel in panels}) == 1
     many = len(panels) > 2 or max(len(panel["curves"]) for panel in panels) > 2
@@ -146,14 +170,12 @@ def spectrum(panels):
 
 def _shown(panel):
     """What a panel of `spectrum` shows: the true (x, y), and [(style, x, recovered, ratio)] of its curves."""
-    low, high = panel.get("x_limits", (0, np.inf))
 
-    def cut(x, *values):
-        inside = (x > 0) & (x >= low) & (x <= high)
-        return [one[..., inside] for one in (x, *values)]
+    def positive(x, *values):
+        return [one[..., x > 0] for one in (x, *values)]
 
-    curves = [(style, *cut(x, found, found / true)) for style, x, found, true in panel["curves"]]
-    return cut(*panel["true"]), curves
+    curves = [(style, *positive(x, found, found / true)) for style, x, found, true in panel["curves"]]
+    return positive(*panel["true"]), curves
 
 
 def _mark_one(axes, grey):

@@ -56,16 +56,13 @@ class AuthorsCode:
         """
         try:
             arrays = dict(np.load(Path(path)))
-            missing = {"alms", "beams", "noise"} - set(arrays)
+            if missing := {"alms", "beams", "noise"} - set(arrays):
+                raise ValueError(f"it lacks {', '.join(sorted(missing))}")
         except (OSError, ValueError) as error:
             raise InputError(
                 f"{path} does not hold the numbers of the authors' code ({error}); they lie in tests/data of "
                 "a checkout."
             ) from None
-        if missing:
-            raise InputError(
-                f"{path} does not hold the small problem; it lacks {', '.join(sorted(missing))}."
-            )
         return cls(arrays=arrays)
 
     @property

@@ -23,8 +23,7 @@ import numpy as np
 from himap import removal
 from himap.core.survey import Survey
 from himap.instrument import beams
-from himap.instrument.beams.others import FromFile, PerturbedBeam
-from himap.instrument.beams.paper import Degraded, Oscillating, Rippled
+from himap.instrument.beams import Degraded, FromFile, Oscillating, PerturbedBeam, Rippled
 from himap.paper import choice, cleaned, evidence, leakage, masked, mocks, pipeline
 from himap.paper.experiments import (
     authors,
@@ -40,14 +39,16 @@ from himap.paper.experiments import (
 )
 from himap.paper.grid import Sky
 from himap.paper.realisation import Realisation
-from himap.removal.beam_subspace import BeamSubspace
-from himap.removal.fastica import FastICA
-from himap.removal.gaussian_process import GaussianProcess
-from himap.removal.gmca import GMCA
-from himap.removal.parametric import Parametric
-from himap.removal.pca import PCA
-from himap.removal.sdecgmca.method import SDecGMCA
-from himap.removal.smooth_spectra import SmoothSpectra
+from himap.removal import (
+    GMCA,
+    PCA,
+    BeamSubspace,
+    FastICA,
+    GaussianProcess,
+    Parametric,
+    SDecGMCA,
+    SmoothSpectra,
+)
 from himap.sky.galaxy import Dimming, Galaxy
 
 SURVEY = Survey(nside=16, n_channels=24, box_cells=16)

@@ -1,8 +1,7 @@
 """What is known of each number of sources of a method, with and without the truth."""
 
-from dataclasses import dataclass
-
 import numpy as np
+import pandas as pd
 from sklearn.decomposition import PCA as SklearnPCA
 
 from himap.measures import n_sources
@@ -37,52 +36,17 @@ def minka(case):
     return int(SklearnPCA(n_components="mle", svd_solver="covariance_eigh").fit(lines).n_components_)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SourceNumberCriteria:
-    """What is known of each number of sources of one method on one case.
-
-    Attributes
-    ----------
-    counts
-        The numbers, (n,), ascending by one.
-    bic, aic
-        Information criteria, (n,) (`n_sources.information`).
-    eigenvalues
-        (n_channels,), descending, mK^2.
-    change, corrected_change
-        To the next number, (n - 1,) (`n_sources.changes`): of C_l and P(k), and of their bands over the
-        transfer function.
-    error, corrected_error
-        How far the worst band is from the truth, (n,), as it is and over the transfer function.
-    """
-
-    counts: np.ndarray
-    bic: np.ndarray
-    aic: np.ndarray
-    eigenvalues: np.ndarray
-    change: np.ndarray
-    corrected_change: np.ndarray
-    error: np.ndarray
-    corrected_error: np.ndarray
-
-    @property
-    def best(self):
-        """The number whose residual is nearest to the truth, without a correction."""
-        return int(self.counts[self.error.argmin()])
-
-    def recommended(self):
-        """{criterion: number of sources, or None}, of all but "minka"; none of them knows the truth."""
-        return {
-            "bic": int(self.counts[self.bic.argmin()]),
-            "aic": int(self.counts[self.aic.argmin()]),
-            "eigenvalues": n_sources.n_significant(self.eigenvalues),
-            "stability": n_sources.settled(self.change, self.counts),
-            "mocks": n_sources.settled(self.corrected_change, self.counts, SETTLED),
-        }
-
-
 def source_number_criteria(case, removers, mocks):
-    """`SourceNumberCriteria` of a method with each number of sources, `removers`, ascending by one."""
+    """What is known of each number of sources of a method, `removers`, ascending by one.
+
+    Returns
+    -------
+    DataFrame
+        Its index is the number. Columns: "bic" and "aic" (`n_sources.information`); "change" and
+        "corrected_change" to the next number (`n_sources.changes`), of C_l and P(k), and of their bands over
+        the transfer function, NaN of the last; "error" and "corrected_error", how far the worst band is from
+        the truth, as it is and over the transfer function.
+    """
     counts = np.array([remover.n_sources for remover in removers])
     own = [own_recovery(case, remover) for remover in removers]
     columns = zip(*(recovered(case, tuple(removers), mock) for mock in mocks), strict=True)
@@ -98,15 +62,27 @@ def source_number_criteria(case, removers, mocks):
     residual, true = in_bands([one.output for one in own]), in_bands([one.input for one in own])
     corrected = residual / in_bands([TransferFunction(mocks=column) for column in columns])
     variances = np.array([cleaned.assessment(case, one).power_spectra.angular.variance for one in removers])
-    n_pix = case.survey.n_pix
-    bic, aic = (n_sources.information(variances, counts, n_pix, kind=kind) for kind in ("bic", "aic"))
-    return SourceNumberCriteria(
-        counts=counts,
-        bic=bic,
-        aic=aic,
-        eigenvalues=eigenvalues(case, "beams" in removers[0].uses),
-        change=n_sources.changes([(one.output.angular[2:], one.output.frequency[1:]) for one in own]),
-        corrected_change=n_sources.changes([row[:, None] for row in corrected]),
-        error=np.abs(residual / true - 1).max(axis=1),
-        corrected_error=np.abs(corrected / true - 1).max(axis=1),
-    )
+    table = pd.DataFrame(index=counts)
+    for kind in ("bic", "aic"):
+        table[kind] = n_sources.information(variances, counts, case.survey.n_pix, kind=kind)
+    spectra = [(one.output.angular[2:], one.output.frequency[1:]) for one in own]
+    table["change"] = np.append(n_sources.changes(spectra), np.nan)
+    table["corrected_change"] = np.append(n_sources.changes([row[:, None] for row in corrected]), np.nan)
+    table["error"] = np.abs(residual / true - 1).max(axis=1)
+    table["corrected_error"] = np.abs(corrected / true - 1).max(axis=1)
+    return table
+
+
+def recommended(criteria, values):
+    """{criterion: number of sources, or None}, of all but "minka"; none of them knows the truth.
+
+    Arguments are what `source_number_criteria` and `eigenvalues` give.
+    """
+    counts = criteria.index
+    return {
+        "bic": int(criteria["bic"].idxmin()),
+        "aic": int(criteria["aic"].idxmin()),
+        "eigenvalues": n_sources.n_significant(values),
+        "stability": n_sources.settled(criteria["change"].to_numpy(), counts),
+        "mocks": n_sources.settled(criteria["corrected_change"].to_numpy(), counts, SETTLED),
+    }

@@ -60,9 +60,9 @@ def masked_voxels(case, spread=True):
     observed, flagged = pipeline.observation(case), pipeline.peak_masked(case, spread).flagged
     lines = np.flatnonzero(flagged.any(axis=0))
     counts = np.zeros(len(STANDING_OUT), dtype=int)
-    whole = _hi_through_beam(case, lines)
+    whole = pipeline.hi_seen(case)
     for block in blocks(len(lines)):
-        hi, truth = whole[:, block], observed.truth[:, lines[block]]
+        hi, truth = whole[:, lines[block]], observed.truth[:, lines[block]]
         parts = (hi, truth - hi, observed.maps[:, lines[block]] - truth)
         masked = flagged[:, lines[block]]
         out = np.empty((len(parts), np.count_nonzero(masked)))
@@ -74,20 +74,11 @@ def masked_voxels(case, spread=True):
     return counts
 
 
-def _hi_through_beam(case, lines):
-    """HI through the beam without the noise, on some lines of sight, mK, (n_channels, n_lines) float32."""
-    survey, windows = case.survey, case.beam.of_survey(case.survey).total
-    hi = np.empty((survey.n_channels, len(lines)), dtype=np.float32)
-    for row, alm, window in zip(hi, pipeline.hi_alms_of_sky(survey.sky), windows, strict=True):
-        row[:] = sphere.synthesise(sphere.multiply_beam(alm, window), survey.nside)[lines]
-    return hi
-
-
 @product
 def noise_and_hi(case):
     """`PowerSpectra` of the noise and of HI in the truth of a `Case`, a pair: each alone, as seen there."""
     survey, windows = case.survey, case.beam.of_survey(case.survey)
-    hi = _hi_through_beam(case, np.arange(survey.n_pix))
+    hi = pipeline.hi_seen(case)
     cubes = pipeline.truth(case) - hi, hi
     alms = pipeline.noise_alms(survey), pipeline.hi_alms_of_sky(survey.sky)
     beams = np.ones_like(windows.total) if windows.resmoothing is None else windows.resmoothing, windows.total

@@ -70,16 +70,9 @@ def cases_of(
     small_scales=True,
     n_realisations=20,
 ):
-    """A list of `pipeline.Case` that differ in their seed only.
+    """A list of `pipeline.Case` that differ in their seed only: that of the survey, and those after it.
 
-    Parameters
-    ----------
-    beam
-        A `Beam`.
-    preset, survey, galaxy, template_dir, small_scales
-        As in `himap.paper.study.Study`.
-    n_realisations
-        How many skies: the seed of the survey, and those after it.
+    `beam` is a `Beam`; the others are as in `himap.paper.study.Study`.
 
     Raises
     ------
@@ -101,16 +94,8 @@ def cases_and_methods(
 ):
     """Cases that differ in their seed only, and the methods that clean them, two lists.
 
-    Parameters
-    ----------
-    beam, ripple
-        Name of the beam, and the reading of the oscillating one.
-    methods
-        Pairs (name, number of sources); None for a method that has no number.
-    reading
-        Of SDecGMCA, if it is among them.
-    settings
-        As of `cases_of`.
+    `ripple` is the reading of the oscillating beam, and `reading` that of SDecGMCA. Methods are pairs (name,
+    number of sources), None for one that has no number. Settings are as of `cases_of`.
 
     Raises
     ------

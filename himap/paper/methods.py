@@ -4,13 +4,7 @@ from dataclasses import fields
 
 from himap.core.errors import InputError
 from himap.instrument.beams.paper import Degraded, Evolving, Oscillating
-from himap.removal.beam_subspace import BeamSubspace
-from himap.removal.fastica import FastICA
-from himap.removal.gmca import GMCA
-from himap.removal.parametric import Parametric
-from himap.removal.pca import PCA
-from himap.removal.polynomial import Polynomial
-from himap.removal.sdecgmca.method import SDecGMCA
+from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
 
 TABLE_1 = {
     "degraded": {"n_sources": 3, "regularisation": 1e-3, "share": 0.3},

@@ -8,6 +8,7 @@ covers a parallelogram, sheared to one side or to the other. How often, and what
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from astropy.coordinates import SkyCoord
 
 from himap.core.checks import checked_fields, parameter
@@ -48,7 +49,7 @@ class Patch:
 
     @property
     def box(self):
-        """(lowest, highest) right ascension and declination, deg, as figures take it."""
+        """(lowest, highest) right ascension and declination, deg, as `plotting.sky_maps` takes it."""
         ra, dec = self.ra - 360 * (self.ra > 180), self.dec
         half = self.width / 2, self.height / 2
         return (ra - half[0] - 2, ra + half[0] + 2), (dec - half[1] - 2, dec + half[1] + 2)
@@ -99,12 +100,8 @@ def _inside(offset, width):
 
 def patch_sky(case):
     """Foreground and HI of a `Case` through its beam, mK, each (n_channels, n_pix) float32, whole sky."""
-    survey = case.survey
-    foreground = on_sky(pipeline.foreground_seen(case), survey.nside).cube()
-    windows = case.beam.of_survey(survey).total
-    alms = pipeline.hi_alms_of_sky(survey.sky)
-    seen = (sphere.multiply_beam(alm, window) for alm, window in zip(alms, windows, strict=True))
-    return foreground, sphere.synthesise_cube(seen, survey.nside, n_channels=len(alms), label="HI")
+    foreground = on_sky(pipeline.foreground_seen(case), case.survey.nside).cube()
+    return foreground, pipeline.hi_seen(case)
 
 
 def noise_by_hits(survey, hits, rng):
@@ -123,12 +120,8 @@ def noise_by_hits(survey, hits, rng):
 
 def interpolated(maps, missing):
     """Maps (n_channels, n_pix) with missing voxels by straight lines between the channels around them."""
-    out, places = maps.copy(), np.arange(len(maps))
-    for pixel in np.flatnonzero(missing.any(axis=0)):
-        gaps = missing[:, pixel]
-        if not gaps.all():
-            out[gaps, pixel] = np.interp(places[gaps], places[~gaps], maps[~gaps, pixel])
-    return out
+    known = pd.DataFrame(maps).mask(missing).interpolate(limit_direction="both")
+    return known.fillna(pd.DataFrame(maps)).to_numpy()  # of lines of sight without any, as they are
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -174,6 +174,14 @@ OF_CASES = (observation, peak_masked, analysis, foreground_seen, foreground_anal
 """Products as large as a cube, of a sky and of a case of it: what disks are too small for."""
 
 
+def hi_seen(case):
+    """HI through the beam, without the noise, mK, (n_channels, n_pix) float32; not kept."""
+    survey = case.survey
+    pairs = zip(hi_alms_of_sky(survey.sky), case.beam.of_survey(survey).total, strict=True)
+    alms = (sphere.multiply_beam(alm, window) for alm, window in pairs)
+    return sphere.synthesise_cube(alms, survey.nside, n_channels=survey.n_channels, label="HI")
+
+
 def truth_alms(case, lmax=None, channels=slice(None)):
     """Coefficients of the truth less its channel means, to 3 nside - 1 or `lmax`; complex64, not kept."""
     windows = case.beam.of_survey(case.survey)

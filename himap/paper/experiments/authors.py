@@ -43,16 +43,7 @@ def of_code(beam, *, restart=0, **options):
 
 
 def skies(*, ripple="bracket", n_sources=5, n_restarts=16, **settings):
-    """A list of `Sky`, each with the methods of `n_restarts` starts.
-
-    Parameters
-    ----------
-    ripple
-        Reading of the ripple of the oscillating beam.
-    n_sources, n_restarts
-        Numbers of sources and of starts.
-    settings
-        As of `himap.paper.grid.cases_of`.
+    """A list of `Sky`, each with the methods of `n_restarts` starts; settings as of `cases_of`.
 
     Raises
     ------

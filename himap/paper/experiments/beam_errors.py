@@ -4,8 +4,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from himap.core.errors import InputError
+from himap.figures import styles
 from himap.instrument.beams import named
 from himap.instrument.beams.others import PerturbedBeam
 from himap.instrument.beams.paper import Oscillating, Rippled
@@ -88,19 +90,10 @@ def recovery_assuming(case, remover, beam):
 
 
 def skies(*, errors=_ERRORS, **settings):
-    """A list of `Sky` with the beams that methods assume; the true one is ("width", 0).
+    """A list of `Sky` with the beams that methods assume, and the true one in any case, as ("width", 0).
 
-    Parameters
-    ----------
-    errors
-        {kind: [error]}, as of `assumed_beam`; the true beam is there in any case.
-    settings
-        As of `cases_and_methods`; methods that do not know the beam are there for comparison.
-
-    Raises
-    ------
-    InputError
-        What `assumed_beam` or `cases_and_methods` refuses.
+    `errors` are {kind: [error]}, as of `assumed_beam`; settings, and what is refused, are as of
+    `cases_and_methods`. Methods that do not know the beam are there for comparison.
     """
     cases, removers = grid.cases_and_methods(**settings)
     beam = cases[0].beam
@@ -177,28 +170,20 @@ def tolerated(table, limit=0.01):
 
 def _summary(table):
     """The band that is furthest from 1 and that with most excess, for each method and error."""
-
-    def furthest(group):
-        return group.loc[(group["ratio"] - 1).abs().idxmax()]
-
-    def most(group):
-        return group.loc[group["excess"].idxmax()]
-
-    def error(group):
-        value = group["error"].iloc[0]
-        return value if isinstance(value, str) else f"{value:g}"
-
-    cells = {
-        "method": "method",
-        "what is wrong": "kind",
-        "by": error,
-        "furthest from 1": lambda group: f"{furthest(group)['ratio']:.4g}",
-        "in": lambda group: furthest(group)["band"],
-        "HI recovered": lambda group: f"{furthest(group)['recovered']:.3f}",
-        "most excess": lambda group: f"{most(group)['excess']:.2%}",
-        "in ": lambda group: most(group)["band"],
+    means = mean_over_skies(table)
+    groups = means.assign(off=(means["ratio"] - 1).abs()).groupby(_METHOD, sort=False)
+    furthest, most = (means.loc[groups[name].idxmax()].reset_index() for name in ("off", "excess"))
+    columns = {
+        "method": furthest.apply(lambda row: styles.numbered(row["method"], row["n_sources"]), axis=1),
+        "what is wrong": furthest["kind"],
+        "by": furthest["error"].map(lambda error: error if isinstance(error, str) else f"{error:g}"),
+        "furthest from 1": furthest["ratio"].map("{:.4g}".format),
+        "in": furthest["band"],
+        "HI recovered": furthest["recovered"].map("{:.3f}".format),
+        "most excess": most["excess"].map("{:.2%}".format),
+        "in ": most["band"],
     }
-    return grid.summarise(mean_over_skies(table), _METHOD, cells).rename(columns=str.strip)
+    return pd.DataFrame(columns).rename(columns=str.strip)
 
 
 EXPERIMENT = Experiment(

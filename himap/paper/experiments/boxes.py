@@ -54,17 +54,9 @@ def skies(*, n_realisations=1, **settings):
     return cases
 
 
-def seen_through(beam, survey):
-    """HI maps seen through a `Beam`, mK, (n_channels, n_pix)."""
-    pairs = zip(pipeline.hi_alms_of_sky(survey.sky), beam.of_survey(survey).total, strict=True)
-    alms = (sphere.multiply_beam(alm, window) for alm, window in pairs)
-    return sphere.synthesise_cube(
-        alms, survey.nside, n_channels=survey.n_channels, label="HI through the beam"
-    )
-
-
-def numbers_of(survey, beam):
-    """Rows with "quantity", "band", "channels" and "value" of the HI of a `Survey`."""
+def numbers_of(case):
+    """Rows with "quantity", "band", "channels" and "value" of the HI of a `pipeline.Case`."""
+    survey = case.survey
 
     def row(quantity, value, *, band="", channels="all"):
         return {"quantity": quantity, "band": band, "channels": channels, "value": float(value)}
@@ -74,7 +66,7 @@ def numbers_of(survey, beam):
         inside = {band: (power.k > low) & (power.k < high) for band, (low, high) in _K_BANDS.items()}
         return [row(quantity, power.power[k].mean(), band=band) for band, k in inside.items() if k.any()]
 
-    maps, seen = pipeline.hi_of_sky(survey.sky), seen_through(beam, survey)
+    maps, seen = pipeline.hi_of_sky(survey.sky), pipeline.hi_seen(case)
     rows = [row("mean", maps.mean(dtype=float)), *along("P", maps), *along("P_beam", seen)]
     cl = sphere.power_spectrum(pipeline.hi_alms_of_sky(survey.sky))
     degrees = [2, 20, *(n for n in (100, 200) if n < 2 * survey.nside), 2 * survey.nside]
@@ -91,10 +83,11 @@ def numbers_of(survey, beam):
 def measure(case):
     """Rows with `COLUMNS` of a `pipeline.Case`."""
     half = case.survey.box_cells // 2
-    surveys = [replace(case.survey, box_cells=n_cells) for n_cells in (half, 2 * half, 4 * half)]
-    return [
-        {"box_cells": survey.box_cells} | row for survey in surveys for row in numbers_of(survey, case.beam)
-    ]
+    rows = []
+    for n_cells in (half, 2 * half, 4 * half):
+        finer = replace(case, survey=replace(case.survey, box_cells=n_cells))
+        rows += [{"box_cells": n_cells} | row for row in numbers_of(finer)]
+    return rows
 
 
 def table_of(rows):

@@ -61,25 +61,9 @@ def realisations(
 ):
     """A list of `Realisation`, alike but for the seed: that of the survey, and those after it.
 
-    Parameters
-    ----------
-    ripple
-        Reading of the ripple of the oscillating beam.
-    plane_weight, plane_edge
-        Of the `Dimming`.
-    n_sources_min, n_sources_max
-        Ends of the scan.
-    n_realisations
-        How many; fewer than 5 say little about verdicts that depend on the sky.
-    method
-        What is put in the place of SDecGMCA, as in `Realisation`.
-    settings
-        As of `himap.paper.grid.cases_of`.
-
-    Raises
-    ------
-    InputError
-        A bad value of any of them.
+    Parameters are those of the chapter: the reading of the ripple, the `Dimming`, the ends of the scan, and
+    what replaces SDecGMCA. Fewer than 5 skies say little about verdicts that depend on the sky. Settings, and
+    what is refused, are as of `himap.paper.grid.cases_of` and `Realisation`.
     """
     return [
         Realisation(

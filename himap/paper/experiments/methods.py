@@ -35,19 +35,10 @@ _WIDTH = 1.2  # of a bin: its end over its beginning, but for the narrowest
 
 
 def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
-    """A list of `Sky`.
+    """A list of `Sky` with a case for each name of a beam; settings as of `cases_and_methods`.
 
-    Parameters
-    ----------
-    beams
-        Names of beams.
-    methods
-        Pairs (name, number of sources), the number a list where it differs from beam to beam; None for a
-        method without.
-    corrected
-        Names of the methods that are corrected too, by so many mocks.
-    settings
-        As of `cases_and_methods`.
+    `methods` are pairs (name, number of sources), the number a list where it differs from beam to beam; those
+    named in `corrected` are corrected too, by so many mocks.
 
     Raises
     ------

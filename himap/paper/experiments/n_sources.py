@@ -7,7 +7,7 @@ import numpy as np
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.paper import cleaned
-from himap.paper.choice import eigenvalues, minka, source_number_criteria
+from himap.paper.choice import eigenvalues, minka, recommended, source_number_criteria
 from himap.paper.grid import cases_and_methods, make_products, skies_of, summarise
 from himap.paper.mocks import own_recovery, recovered
 from himap.paper.record import Experiment
@@ -40,20 +40,10 @@ and P/P0 (k > 0.03) is from 1 with either, the former NaN where that number was 
 
 
 def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
-    """A list of `Sky`, with a case for each beam and noise, and each method with each number of sources.
+    """A list of `Sky`, with a case for each beam and noise, and each method with 1 to n_sources_max sources.
 
-    Parameters
-    ----------
-    beams
-        Names of beams.
-    noises
-        Factors on the noise, the first of them 1.
-    methods
-        Names of methods that have a number of sources.
-    n_sources_max, n_mocks
-        Numbers from 1 to this one are tried; how many mocks.
-    settings
-        As of `cases_and_methods`, but for the beam.
+    Beams and methods are names, noises factors on the noise, the first of them 1; settings are as of
+    `cases_and_methods`.
 
     Raises
     ------
@@ -98,11 +88,11 @@ def measure(sky):
         noise = float(np.sqrt(sky.survey.t_obs / case.survey.t_obs))
         for name, removers in by_name.items():
             criteria = source_number_criteria(case, removers, sky.mocks)
-            recommended = criteria.recommended() | ({"minka": minka(case)} if name == "pca" else {})
-            bias = dict(zip(criteria.counts.tolist(), criteria.error.tolist(), strict=True))
+            numbers = recommended(criteria, eigenvalues(case, "beams" in removers[0].uses))
+            bias = criteria["error"].to_dict()
             first = {"beam": str(case.beam), "noise": noise, "method": name}
-            best = {"best": criteria.best, "least_bias": min(bias.values())}
-            for criterion, number in recommended.items():
+            best = {"best": min(bias, key=bias.get), "least_bias": min(bias.values())}
+            for criterion, number in (numbers | ({"minka": minka(case)} if name == "pca" else {})).items():
                 row = {"criterion": criterion, "recommended": int(number or 0), "bias": bias.get(number)}
                 rows.append(first | row | best)
     return rows

@@ -31,23 +31,10 @@ SCAN = "scan"
 
 
 def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **settings):
-    """A list of `JudgedSky`, each with `n_restarts` of every candidate reading.
+    """A list of `JudgedSky`, each with `n_restarts` of a reading, or of every candidate for "all".
 
-    Parameters
-    ----------
-    n_restarts
-        Starts of SDecGMCA.
-    reading
-        Of SDecGMCA; "all" for every candidate (`himap.paper.readings.candidates`).
-    n_sources_min, n_sources_max
-        Ends of the scan: each number up to 8, then 10, 15 and 20.
-    settings
-        As of `himap.paper.experiments.claims.realisations`.
-
-    Raises
-    ------
-    InputError
-        A bad value of any of them.
+    The scan has each number of sources up to 8, then 10, 15 and 20. Settings, and what is refused, are as of
+    `himap.paper.experiments.claims.realisations`.
     """
     whole = realisations(n_sources_min=n_sources_min, n_sources_max=n_sources_max, **settings)
     scan = tuple(n for n in whole[0].n_sources if n <= 8 or n in _SPARSE)
