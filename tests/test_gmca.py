@@ -7,7 +7,6 @@ from gmca_twin import mixing_error, plain_gmca, similarity
 
 from himap.maps import sphere
 from himap.maps.starlets import starlet_filters, starlets
-from himap.removal import gmca
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA, SphereDetails
 from himap.removal.pca import PCA
@@ -92,26 +91,6 @@ def test_foreground_is_the_projection_on_the_span_of_the_mixing(sky):
     assert cleaned.residual == pytest.approx(expected, abs=1e-6 * float(np.abs(sky).max()))
 
 
-@pytest.mark.parametrize("penalty", ["l1", "l0"])
-def test_exact_without_noise(mixing, sources, penalty):
-    maps = (mixing @ sources).astype(np.float32)
-    assert np.abs(clean(maps, penalty=penalty).residual).max() < 3e-7 * np.abs(maps).max()
-
-
-@pytest.mark.parametrize("n_true", [1, 2])
-def test_fewer_directions_than_sources(mixing, sources, n_true):
-    maps = (mixing[:, :n_true] @ sources[:n_true]).astype(np.float32)
-    cleaned = clean(maps, n_sources=4)
-    assert np.isfinite(cleaned.separation.sources).all()
-    assert np.abs(cleaned.residual).max() < 3e-7 * np.abs(maps).max()
-
-
-def test_maps_without_any_structure():
-    cleaned = clean(np.full((N_CHANNELS, N_PIX), 3, dtype=np.float32))
-    assert not cleaned.residual.any()
-    assert np.isfinite(cleaned.separation.mixing).all()
-
-
 def test_details_against_starlets_and_their_transpose(rng):
     smooth = np.where(np.arange(3 * NSIDE) < NSIDE, 1.0, 0.0)
     maps = sphere.synthesise(sphere.gaussian_alm(smooth, rng), NSIDE)[None]
@@ -121,20 +100,6 @@ def test_details_against_starlets_and_their_transpose(rng):
     scales = rng.standard_normal(ours.shape)
     backward = np.sum(maps * phi.details_adjoint(scales))
     assert np.sum(ours * scales) == pytest.approx(backward, abs=1e-9)
-
-
-def test_thresholds(rng):
-    coefficients = rng.standard_normal((1, 1, 200_000)) * 7
-    assert gmca.thresholds(coefficients, 1, 3) == pytest.approx(21, rel=0.02)
-    limit = gmca.thresholds(coefficients, 0.25, 1).item()
-    above = np.count_nonzero(np.abs(coefficients) > 7)
-    assert np.count_nonzero(np.abs(coefficients) > limit) == pytest.approx(above / 4, rel=0.02)
-
-
-def test_not_converging_is_a_warning(sky):
-    with pytest.warns(SeparationWarning, match="stopped after 5 iterations"):
-        cleaned = clean(sky, max_iterations=5)
-    assert not cleaned.separation.converged
 
 
 def test_as_many_sources_as_channels(sky):

@@ -70,7 +70,10 @@ class GMCA(ForegroundRemover):
 
         `image` is as in `Data`, for pixels of an image in the plane.
         """
-        starlets = details_of(maps, self.n_scales, image)
+        if image is None:
+            starlets = SphereDetails(self.n_scales, sphere.nside_of(maps))
+        else:
+            starlets = PlaneStarlets(image, self.n_scales)
         covariance = channel_covariance(maps)
         mixing = principal_axes(covariance, self.n_sources)
         cube = SplitCube(maps, bright_axes(covariance, least=self.n_sources))
@@ -142,22 +145,6 @@ def thresholds(coefficients, share, n_sigma):
 def _inverse(mixing):
     """A^+, (n_sources, n_channels)."""
     return safe_inverse(mixing[None])[0]
-
-
-def details_of(maps, n_scales, image=None):
-    """What takes maps (n_maps, n_pix) to their detail scales, a `SphereDetails` or a `PlaneStarlets`.
-
-    Of an image where `image`, (n_y, n_x) bool, tells which of its pixels they are, otherwise of a
-    HEALPix sphere. Both are linear, and the same for every map.
-
-    Raises
-    ------
-    InputError
-        No full HEALPix sphere, or too small an image for so many scales.
-    """
-    if image is None:
-        return SphereDetails(n_scales, sphere.nside_of(maps))
-    return PlaneStarlets(image, n_scales)
 
 
 class SphereDetails:
