@@ -166,7 +166,7 @@ def test_gaussian_beam_against_healpy():
 
 
 @pytest.mark.parametrize("beam", ["degraded", "degraded:noise=white", "evolving", "oscillating"])
-def test_what_the_telescope_does_and_what_is_smoothed_later(beam):
+def test_degraded_beam_is_the_worst_everywhere(beam):
     """The degraded beam is the worst everywhere, whether the noise is smoothed with it or not."""
     found = named(beam).of_survey(SURVEY)
     assert (found.resmoothing is None) == (beam != "degraded")

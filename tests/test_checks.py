@@ -1,7 +1,5 @@
 """Input that looks like data and is not: each is refused in words, none gives numbers in silence."""
 
-from dataclasses import replace
-
 import astropy.units as u
 import numpy as np
 import pytest
@@ -9,8 +7,6 @@ import pytest
 from himap.core.checks import checked_cube, evenly_spaced
 from himap.core.errors import InputError
 from himap.core.survey import Survey
-from himap.instrument.beams import Evolving
-from himap.instrument.observe import observe
 from himap.measures import spectra
 from himap.paper import pipeline
 from himap.removal.pca import PCA
@@ -47,12 +43,6 @@ def test_frequencies_in_other_units(maps):
             PCA().clean(maps, freqs=SURVEY.freqs * factor)
     with pytest.raises(InputError, match="real numbers"):
         PCA().clean(maps, freqs=SURVEY.freqs + 1j)
-
-
-def test_beam_of_another_survey(maps):
-    other = Evolving().of_survey(replace(SURVEY, nside=8))
-    with pytest.raises(InputError, match=r"made for this survey: b_l of shape \(6, 12\), got \(6, 24\)"):
-        observe(maps, maps, maps, other, SURVEY)
 
 
 def test_a_case_takes_objects():

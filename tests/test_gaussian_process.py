@@ -105,14 +105,6 @@ def test_parameters_of_a_known_process_are_found(rng):
     assert np.std(left - best) < 0.03 * rest.std()
 
 
-def test_many_pixels_or_few_leave_the_same_maximum(rng):
-    """Each line of sight twice is no more to know of the covariance."""
-    maps = sum(drawn(500, rng)).astype(np.float32)
-    once = GaussianProcess().clean(maps, freqs=FREQS).residual
-    twice = GaussianProcess().clean(np.hstack([maps, maps]), freqs=FREQS).residual
-    assert twice[:, :500] == pytest.approx(once, abs=1e-3)
-
-
 def test_foregrounds_longer_than_the_band_are_no_trouble(rng):
     """Lengths of thousands of MHz, and HI that is all noise: the search stays inside its bounds."""
     flat = 1e3 * rng.standard_normal(300) + 0.1 * rng.standard_normal((40, 300))

@@ -130,11 +130,6 @@ class BlurredMixture:
             np.subtract(data, matrix @ source, out=out)
         return residual
 
-    def residual_noise(self, mixing, sources):
-        """Variance per mode and channel of X - H A S over the finer half of the multipoles, (n_channels,)."""
-        fine = ((self.lmax + 1) // 2) ** 2
-        return np.mean(self.residual(mixing, sources)[:, fine:] ** 2, axis=1)
-
     def corrected(self, mixing, residual, sources, kept):
         """A plus what `residual`, X - H A S, still holds of the thresholded sources `kept`.
 
