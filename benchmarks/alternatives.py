@@ -15,7 +15,7 @@ from sklearn.exceptions import ConvergenceWarning
 from himap.maps import sphere
 from himap.paper import pipeline
 from himap.removal import harmonic
-from himap.removal.gmca import details_of
+from himap.removal.gmca import SphereDetails
 from himap.removal.parametric import FIXED_INDEX
 
 N_LINES, N_CHANNELS, N_MODES = 64, 8, 1000  # the sample that a slow alternative is timed on
@@ -127,7 +127,7 @@ def _beside_gmca(case, masked, method, found):
 
     def work():
         cube = masked[channels].astype(float)
-        scales = details_of(cube, method.n_scales).details(cube)
+        scales = SphereDetails(method.n_scales, sphere.nside_of(cube)).details(cube)
         for _ in range(found.n_iterations):
             for scale in scales:
                 scale @ (inverse @ scale).T

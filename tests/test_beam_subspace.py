@@ -6,9 +6,6 @@ from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy, spa
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.maps.low_rank import centred
-from himap.removal import analysis
-from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
@@ -101,37 +98,6 @@ class TestStability:
         assert as_it_is.n_iterations == never.n_iterations > 1
         assert np.array_equal(as_it_is.foreground.maps, never.foreground.maps)
 
-    def test_equal_channels_are_no_trouble(self, rng):
-        """Data of rank one with three sources asked for: no NaN, no singular matrix, nothing left."""
-        maps = np.ones((8, 1)) * np.exp(rng.standard_normal(12 * NSIDE**2))
-        cleaned = BeamSubspace(n_sources=3).clean(maps, freqs=FREQS, beams=np.ones((8, 3 * NSIDE)))
-        assert np.isfinite(cleaned.separation.sources).all()
-        assert np.abs(cleaned.residual).max() < 1e-5 * maps.max()
-
-    def test_not_settling_is_a_warning_and_a_flag(self, problem, rng, monkeypatch):
-        monkeypatch.setattr("himap.removal.beam_subspace._MOST_ITERATIONS", 1)
-        with pytest.warns(SeparationWarning, match="beam_subspace: stopped after 1 iterations"):
-            found = separated(noisy(problem[0], 10, rng))
-        assert not found.converged and found.n_iterations == 1
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"thresholds": None}, "thresholds must be analytic or mad"),
-        ({"noise": -1}, "noise must be above zero, in mK per pixel, got -1"),
-        ({"noise": (0.1, np.nan)}, "noise must be above zero"),
-        ({"noise": "white"}, "noise must be real numbers"),
-        ({"noise": ((0.1, 0.2), 0.3)}, "noise must be one array"),
-        ({"share": 0}, "share .* must be above 0"),
-        ({"share": 1.5}, "at most 1"),
-        ({"lmax": 2}, "at least 4"),
-    ],
-)
-def test_bad_parameters(options, message):
-    with pytest.raises(InputError, match=message):
-        BeamSubspace(**options)
-
 
 def test_noise_as_an_array_is_noise_as_a_tuple():
     """Methods are keys of what is stored."""
@@ -142,15 +108,3 @@ def test_noise_as_an_array_is_noise_as_a_tuple():
 def test_noise_for_another_number_of_channels(problem):
     with pytest.raises(InputError, match="one value or 8, one for each channel, got 3"):
         separated(problem[0], noise=(1, 2, 3))
-
-
-def test_modes_at_hand_are_not_made_again(problem, monkeypatch):
-    """The same foreground from modes that are passed, and no analysis of the maps."""
-    maps = problem[0].astype(np.float32)
-    method, given = BeamSubspace(n_sources=4), {"freqs": FREQS, "beams": BEAMS}
-    expected = method.clean(maps, **given).residual
-    modes = analysis.cube_modes(centred(maps))
-    monkeypatch.setattr(analysis, "cube_modes", None)
-    assert np.array_equal(method.clean(maps, **given, modes=modes).residual, expected)
-    with pytest.raises(TypeError):
-        method.clean(maps, **given)

@@ -12,7 +12,7 @@ from sklearn import decomposition
 from himap import removal
 from himap.maps import sphere
 from himap.paper.methods import TABLE_1, paper_beams
-from himap.removal import harmonic
+from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
 from himap.removal.peaks import smooth_baselines
@@ -98,10 +98,11 @@ def test_plain_power_laws_are_the_parametric_fit(maps):
 
 
 def test_plain_sources_are_those_of_sdecgmca(rng):
-    matrices = sphere.gaussian_beam(np.linspace(0.1, 0.2, 6), 12).T[:, :, None] * rng.random((6, 3))
+    beams, mixing = sphere.gaussian_beam(np.linspace(0.1, 0.2, 6), 12), rng.random((6, 3))
     modes = rng.standard_normal((6, 13**2))
-    ours = harmonic.project(harmonic.safe_inverse(matrices), modes)
-    assert np.allclose(alternatives.plain_sources(matrices, modes), ours)
+    mixture = BlurredMixture(modes, beams)
+    ours = mixture.sources(mixture.least_squares(mixing))
+    assert np.allclose(alternatives.plain_sources(mixture.matrices(mixing), modes), ours)
 
 
 def test_floors_add_up():

@@ -65,12 +65,3 @@ def test_noise_of_sources(small, rng):
     inverses = harmonic.safe_inverse(channels.matrices(mixing))
     expected = [np.diag(inverse @ np.diag(channels.noise) @ inverse.T) for inverse in inverses]
     assert channels.source_noise(inverses) == pytest.approx(np.array(expected))
-
-
-def test_residual_noise_is_the_variance_over_the_finer_half(small, rng):
-    channels, mixing = small
-    sources = rng.standard_normal((2, 16))
-    degree = harmonic.degrees(3)
-    left = channels.modes - channels.beams[:, degree] * (mixing @ sources)
-    expected = np.mean(left[:, degree >= 2] ** 2, axis=1)
-    assert channels.residual_noise(mixing, sources) == pytest.approx(expected)

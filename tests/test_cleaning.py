@@ -8,8 +8,8 @@ from sparse_problem import BEAMS, NSIDE, make_problem
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.removal import GNILC, PCA, BeamSubspace, FastICA, SmoothSpectra, analysis
-from himap.removal.cleaning import Cleaning, without_peaks
+from himap.removal import GNILC, PCA, BeamSubspace, FastICA, analysis
+from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
 
@@ -54,18 +54,6 @@ class TestData:
         assert data.with_mock(mock).means == pytest.approx(means + mock.mean(axis=1), rel=1e-5)
         with pytest.raises(TypeError):
             _ = data.with_mock(mock).modes
-
-    def test_one_analysis_serves_all_methods(self, data, monkeypatch):
-        work, calls = analysis.cube_modes, []
-        monkeypatch.setattr(analysis, "cube_modes", lambda *given: calls.append(given) or work(*given))
-        cleaning = Cleaning.of(data, BeamSubspace(n_sources=2), peaks=False)
-        for one in (
-            cleaning,
-            cleaning.with_method(SmoothSpectra(n_sources=2, n_smooth=3)),
-            cleaning.on(KEPT),
-        ):
-            assert np.isfinite(one.residual).all()
-        assert len(calls) == 2  # the sphere, and the part of it
 
     def test_a_mask_and_weights_of_nothing_are_the_same(self, maps):
         masked = Data.of(maps, freqs=FREQS, mask=KEPT)
@@ -115,22 +103,16 @@ class TestCleaning:
         assert np.array_equal(found.basis.maps, mask_peaks(found.data.maps, spiked.freqs).maps)
         assert found.flagged > 0
 
-    def test_with_one_more(self, data):
-        assert Cleaning.of(data, PCA(n_sources=2)).with_one_more.method == PCA(n_sources=3)
-        assert Cleaning.of(data, GNILC()).with_one_more.method == GNILC()
-
-    def test_the_noise_is_that_of_data_and_mock(self, data, mock):
-        assert Cleaning.of(data, PCA()).with_mock(mock).basis.noise == pytest.approx(0.1 * np.sqrt(2))
-
-    def test_with_other_beams(self, data, maps):
+    def test_with_other_settings(self, data, maps, mock):
+        cleaning, given = Cleaning.of(data, PCA(n_sources=2), peaks=False), {"freqs": FREQS}
+        fewer = cleaning.with_sources(1).residual
+        assert np.array_equal(fewer, PCA(n_sources=1).clean(maps, **given).residual)
+        assert cleaning.with_one_more.method == PCA(n_sources=3)
+        assert cleaning.with_method(GNILC()).with_one_more.method == GNILC()
         method = BeamSubspace(n_sources=2)
-        changed = Cleaning.of(data, method, peaks=False).with_beams(BEAMS**1.1)
-        expected = method.clean(maps, freqs=FREQS, beams=BEAMS**1.1)
-        assert np.array_equal(changed.residual, expected.residual)
-
-    def test_with_other_sources(self, data, maps):
-        changed = Cleaning.of(data, PCA(n_sources=3), peaks=False).with_sources(1)
-        assert np.array_equal(changed.residual, PCA(n_sources=1).clean(maps, freqs=FREQS).residual)
+        changed = cleaning.with_method(method).with_beams(BEAMS**1.1).residual
+        assert np.array_equal(changed, method.clean(maps, beams=BEAMS**1.1, **given).residual)
+        assert cleaning.with_mock(mock).basis.noise == pytest.approx(0.1 * np.sqrt(2))
 
     @pytest.mark.parametrize("method", [PCA(n_sources=2), BeamSubspace(n_sources=2)])
     def test_on_a_mask(self, data, maps, method):
@@ -140,12 +122,7 @@ class TestCleaning:
 
     def test_on_a_mask_peaks_stay_masked(self, spiked):
         kept = np.arange(100) % 2 == 0
-        masked = mask_peaks(spiked.maps, spiked.freqs).maps
-        expected = PCA().clean(spiked.maps, freqs=spiked.freqs, separate_on=masked, mask=kept)
-        found = Cleaning.of(spiked, PCA()).on(kept)
-        assert np.array_equal(found.residual, expected.residual[:, kept])
-
-    def test_peaks_are_counted(self, spiked):
-        masked = mask_peaks(spiked.maps, spiked.freqs)
-        assert Cleaning.of(spiked, PCA()).flagged == masked.flagged.mean() > 0
-        assert np.array_equal(without_peaks(spiked).maps, masked.maps)
+        masked, cleaning = mask_peaks(spiked.maps, spiked.freqs), Cleaning.of(spiked, PCA())
+        expected = PCA().clean(spiked.maps, freqs=spiked.freqs, separate_on=masked.maps, mask=kept)
+        assert np.array_equal(cleaning.on(kept).residual, expected.residual[:, kept])
+        assert cleaning.flagged == masked.flagged.mean() > 0

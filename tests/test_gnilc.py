@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.starlets import cosine_needlets
-from himap.removal import gnilc, harmonic
+from himap.removal import gnilc
 from himap.removal.data import Data
 from himap.removal.gnilc import (
     GNILC,
@@ -72,12 +72,6 @@ def test_filter_is_the_published_one(rng):
     spectra, rows = foreground_filter(covariance, prior)
     assert spectra.shape == (25, 2)
     assert np.eye(25) - spectra @ rows == pytest.approx(expected, abs=1e-5)
-
-
-def test_spectra_of_the_foreground_go_whole(rng):
-    spectra, rows = foreground_filter(*covariances(rng))
-    left = SPECTRA - spectra @ (rows @ SPECTRA)
-    assert np.abs(left).max() < 1e-3
 
 
 @pytest.mark.parametrize("values", [[1e9, 50, 4.0, 3.0, 1.2, 0.9], [1.1, 1, 1], [9, 8, 7], [3.2], [3.1]])
@@ -171,25 +165,17 @@ def test_shape_is_that_of_matter_with_power_like_one_over_k_squared():
     assert found == pytest.approx(along / quad(power, 0, np.inf)[0], rel=1e-3)
 
 
-def test_level_is_that_of_the_data_without_their_foreground(rng):
-    """HI whose level rises by a factor of five over the band, below a foreground of two spectra."""
-    shape = gnilc.expected_covariance(np.eye(50), CHANNELS, 60)
+@pytest.mark.parametrize(("level", "tolerance"), [((1, 5), 0.1), ((2, 2), 1e-3)])
+def test_level_is_that_of_the_data_without_their_foreground(level, tolerance):
+    """HI whose level rises by a factor of five or does not, below 1e4 times brighter spectra."""
+    freqs = CHANNELS if level[0] < level[1] else CHANNELS[::5]
+    shape = gnilc.expected_covariance(np.eye(len(freqs)), freqs, 60)
     shape /= np.sqrt(np.outer(np.diag(shape), np.diag(shape)))
-    level = np.geomspace(1, 5, 50)
-    hi = np.outer(level, level) * shape
-    spectra = (CHANNELS[:, None] / 1000) ** np.array([-2.1, -2.8])
-    found = gnilc.expected_covariance(hi + 1e8 * spectra @ spectra.T, CHANNELS, 60)
-    assert np.sqrt(np.diag(found)) == pytest.approx(level, rel=0.1)
-
-
-def test_what_the_axes_of_the_foreground_take_of_the_level_is_given_back():
-    """A level that is the same in all channels is found to the digits of a foreground 1e4 times brighter."""
-    freqs = CHANNELS[::5]
-    shape = gnilc.expected_covariance(np.eye(10), freqs, 60)
-    shape /= np.sqrt(np.outer(np.diag(shape), np.diag(shape)))
+    level = np.geomspace(*level, len(freqs))
     spectra = (freqs[:, None] / 1000) ** np.array([-2.1, -2.8])
-    found = gnilc.expected_covariance(4 * shape + 1e8 * spectra @ spectra.T, freqs, 60)
-    assert np.diag(found) == pytest.approx(4, rel=1e-3)
+    hi = np.outer(level, level) * shape
+    found = gnilc.expected_covariance(hi + 1e8 * spectra @ spectra.T, freqs, 60)
+    assert np.sqrt(np.diag(found)) == pytest.approx(level, rel=tolerance)
 
 
 def test_stationary_keeps_variances_and_has_no_negative_power(rng):
@@ -204,30 +190,11 @@ def test_stationary_keeps_variances_and_has_no_negative_power(rng):
     assert np.diag(many, 1)[5:-5] == pytest.approx(np.diag(truth, 1)[5:-5], rel=0.06)
 
 
-def test_covariance_in_a_window_is_that_of_its_maps(rng):
-    """Of Gaussian maps that healpy has filtered, without the monopole, which no map of fluctuations has."""
-    window = cosine_needlets([6, 12, 24], 40)[1]
-    alms = np.array([sphere.gaussian_alm(np.r_[0, np.ones(40)], rng) for _ in range(3)])
-    maps = [hp.alm2map(hp.almxfl(alm, window), 64) for alm in alms]
-    found = gnilc.band_covariance(harmonic.to_modes(alms), window)
-    assert found == pytest.approx(np.cov(maps, bias=True), rel=1e-3, abs=1e-3 * found.max())
-
-
-def test_mock_by_its_maps(rng):
-    """The variance of white noise in each window, from its modes."""
-    maps = rng.standard_normal((30, 12 * NSIDE**2)).astype(np.float32) + np.float32(7)
-    windows = cosine_needlets([10, 20], 32)
-    for window, found in zip(windows, gnilc.mock_covariances(maps, windows), strict=True):
-        n_modes = np.sum((2 * np.arange(1, 33) + 1) * window[1:] ** 2)
-        assert np.diag(found).mean() == pytest.approx(n_modes / maps.shape[1], rel=0.05)
-        assert np.abs(found[0, 1:]).max() < 0.1 * found[0, 0]
-
-
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, "prior must be a .npy file"),
-        (b"words", "prior must be a .npy file"),
+        (None, "there is no file"),
+        (b"words", "is no .npy file of plain numbers"),
         (np.zeros((3, 12)), r"the shape of the maps, \(3, 48\), got \(3, 12\)"),
         (np.full((3, 48), np.nan), "the mock of prior must be finite everywhere"),
     ],

@@ -20,10 +20,6 @@ def test_squares_are_those_of_the_coefficients(rng):
     assert power == pytest.approx(sphere.power_spectrum(alm))
 
 
-def test_degrees():
-    assert harmonic.degrees(2).tolist() == [0, 1, 1, 1, 2, 2, 2, 2, 2]
-
-
 def test_safe_inverse(rng):
     matrices = rng.standard_normal((3, 7, 2))
     for matrix, inverse in zip(matrices, harmonic.safe_inverse(matrices), strict=True):

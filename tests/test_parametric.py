@@ -6,7 +6,6 @@ from numpy.polynomial import chebyshev
 from scipy.optimize import least_squares
 
 from himap.removal import parametric
-from himap.removal.base import SeparationWarning
 from himap.removal.data import Data
 from himap.removal.parametric import Parametric
 
@@ -62,44 +61,34 @@ def twin(line, bounds, weights=1.0):
     return best.x, 2 * best.cost
 
 
-@pytest.mark.parametrize("bounds", [(-4.0, -2.2), (-3.0, -2.6)])
-def test_the_minimum_is_that_of_scipy(truth, rng, bounds):
-    """Noise of 1 % moves some lines of sight to the bounds; no sum of squares is above scipy's."""
+@pytest.mark.parametrize(
+    ("bounds", "weighted"), [((-4.0, -2.2), False), ((-3.0, -2.6), False), ((-4.0, -2.2), True)]
+)
+def test_the_minimum_is_that_of_scipy(truth, rng, bounds, weighted):
+    """Noise of 1 % moves some lines of sight to the bounds; no sum of squares is above scipy's.
+
+    With weights those of channels are unequal, a fifth have none, where the maps hold anything.
+    """
     first, second, beta = truth[:, :24]
-    noise = rng.standard_normal((len(FREQS), 24)) * np.geomspace(1e-4, 1e-2, 24) * (first + second)
-    maps = (model(first, second, beta) + noise).astype(np.float32)
-    separation = clean(maps, beta_min=bounds[0], beta_max=bounds[1]).separation
-    fit = model(*separation.sources)
-    assert separation.foreground.lines(slice(None)) == pytest.approx(fit, rel=1e-10)
-    squares = ((maps.astype(float) - fit) ** 2).sum(axis=0)
-    others = [twin(line.astype(float), bounds) for line in maps.T]
-    assert squares == pytest.approx([other[1] for other in others], rel=1e-6)
-    inside = ~separation.flagged
-    assert separation.sources[2][inside] == pytest.approx(
-        [x[2] for (x, _), kept in zip(others, inside, strict=True) if kept], abs=1e-4
-    )
-    assert 0 < np.count_nonzero(inside) < 24
-
-
-def test_the_weighted_minimum_is_that_of_scipy(truth, rng):
-    """Channels of unequal weight, a fifth of them without any, where the maps hold anything."""
-    first, second, beta = truth[:, :12]
-    weights = rng.uniform(0.1, 10, (len(FREQS), 12)) * (rng.random((len(FREQS), 12)) > 0.2)
-    noise = rng.standard_normal(weights.shape) * np.geomspace(1e-4, 1e-2, 12) * (first + second)
+    weights = np.ones((len(FREQS), 24))
+    if weighted:
+        weights = rng.uniform(0.1, 10, weights.shape) * (rng.random(weights.shape) > 0.2)
+    noise = rng.standard_normal(weights.shape) * np.geomspace(1e-4, 1e-2, 24) * (first + second)
     maps = model(first, second, beta) + noise / np.sqrt(np.maximum(weights, 0.1))
     given = np.where(weights > 0, maps, np.nan).astype(np.float32)
-    separation = Parametric().clean(given, freqs=FREQS, weights=weights).separation
+    method = Parametric(beta_min=bounds[0], beta_max=bounds[1])
+    separation = method.clean(given, freqs=FREQS, weights=weights).separation
     fit = model(*separation.sources)
     assert separation.foreground.lines(slice(None)) == pytest.approx(fit, rel=1e-9)
     seen = np.where(weights > 0, given, 0).astype(float)
     squares = (weights * (seen - fit) ** 2).sum(axis=0)
-    others = [twin(line, (-4.0, -2.2), weight) for line, weight in zip(seen.T, weights.T, strict=True)]
+    others = [twin(line, bounds, weight) for line, weight in zip(seen.T, weights.T, strict=True)]
     assert squares == pytest.approx([other[1] for other in others], rel=1e-6)
     inside = ~separation.flagged
     assert separation.sources[2][inside] == pytest.approx(
         np.array([x[2] for x, _ in others])[inside], abs=1e-4
     )
-    assert np.count_nonzero(inside) > 4
+    assert inside.any() and (weighted or not inside.all())
 
 
 def test_channels_without_weight_are_as_if_they_were_not_there(truth, rng):
@@ -147,14 +136,6 @@ def test_a_line_of_sight_at_the_bound_is_flagged(truth):
     assert np.flatnonzero(separation.flagged).tolist() == [5]
     assert separation.sources[2, 5] == -4
     assert separation.converged
-
-
-def test_steps_used_up_are_a_warning_and_flags(truth, rng, monkeypatch):
-    monkeypatch.setattr(parametric, "_MAX_STEPS", 1)
-    maps = model(*truth) * (1 + 1e-4 * rng.standard_normal((len(FREQS), 200)))
-    with pytest.warns(SeparationWarning, match="parametric: stopped after 1 iterations"):
-        separation = clean(maps).separation
-    assert separation.flagged.mean() > 0.9
 
 
 def test_the_reference_frequency_changes_amplitudes_alone(truth):

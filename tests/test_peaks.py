@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from himap.core.errors import InputError
-from himap.removal import peaks
 from himap.removal.peaks import mask_peaks, smooth_baselines
 
 FREQS = np.linspace(902.5, 1397.5, 100)
@@ -115,14 +114,6 @@ def test_pure_noise_is_flagged_as_a_normal_distribution_says(rng):
     noise = rng.standard_normal((500, 2000))
     flagged = smooth_baselines(noise, np.linspace(900.5, 1399.5, 500), n_sigma=3).flagged
     assert flagged.mean() == pytest.approx(0.0027, rel=0.05)
-
-
-def test_blocks_do_not_show(peaked, monkeypatch):
-    whole = mask_peaks(peaked[0], FREQS)
-    monkeypatch.setattr(peaks, "_BLOCK", 7)
-    parts = mask_peaks(peaked[0], FREQS)
-    assert np.array_equal(parts.flagged, whole.flagged)
-    assert parts.maps == pytest.approx(whole.maps, rel=1e-7)
 
 
 def test_high_orders_keep_their_digits(rng):

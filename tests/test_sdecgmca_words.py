@@ -12,59 +12,63 @@ SILENT = (
 
 
 @pytest.mark.parametrize(
-    "options, words",
+    "of, options, words",
     [
         (
+            of_sdecgmca,
             {"reading": "instrument-noise"},
             f"SDecGMCA has the reading “instrument-noise”: the paper's text {SILENT}{ENDS}",
         ),
-        ({"reading": "letter"}, f"SDecGMCA has the reading “letter”: the paper's text{ENDS}"),
+        (of_sdecgmca, {"reading": "letter"}, f"SDecGMCA has the reading “letter”: the paper's text{ENDS}"),
         (
+            of_sdecgmca,
             {"reading": "letter", "sign": "free"},
             f"“letter”: the paper's text except for sign of A (as it comes){ENDS}",
         ),
         (
+            of_sdecgmca,
             {"reading": "instrument-noise", "sign": "free"},
             f"the paper's text except for sign of A (as it comes) {SILENT}{ENDS}",
         ),
         (
+            of_sdecgmca,
             {"reading": "letter", "last": "repeated"},
             "the paper's text and, where it is silent, the last S (Eq. 23 with",
         ),
         (
+            of_sdecgmca,
             {"reading": "code"},
             "“code”: the paper's text except for 6 choices and, where it is silent, smallest eigenvalue",
         ),
-        ({"reading": "follow-up"}, "its regularised inversion is continued beyond ℓ = 128"),
+        (of_sdecgmca, {"reading": "follow-up"}, "its regularised inversion is continued beyond ℓ = 128"),
         (
+            of_sdecgmca,
             {"reading": "letter", "beyond": "projection"},
             "it is continued beyond ℓ = 128 without regularisation",
         ),
-        ({"reading": "letter", "lmax": 30}, "it ends at ℓ = 30 and"),
-    ],
-)
-def test_words(options, words):
-    assert words in of_sdecgmca(SDecGMCA(**options), 64)
-
-
-@pytest.mark.parametrize(
-    "options, words",
-    [
+        (of_sdecgmca, {"reading": "letter", "lmax": 30}, "it ends at ℓ = 30 and"),
         (
+            in_short,
             {},
             "“default” (the text except for 7 choices, with floor = 1e-09, last = repeated), continued",
         ),
-        ({"reading": "letter"}, "SDecGMCA: reading “letter” (the text), up to ℓ = 128"),
+        (in_short, {"reading": "letter"}, "SDecGMCA: reading “letter” (the text), up to ℓ = 128"),
         (
+            in_short,
             {"reading": "letter", "sign": "free", "lmax": 30},
             "(the text except for sign = free), up to ℓ = 30",
         ),
-        ({"reading": "code"}, "the text except for 6 choices, with floor = 1e-09, last_floor = 1e-09"),
         (
+            in_short,
+            {"reading": "code"},
+            "the text except for 6 choices, with floor = 1e-09, last_floor = 1e-09",
+        ),
+        (
+            in_short,
             {"reading": "instrument-noise", "beyond": "projection"},
             "except for beyond = projection, with thresholds = analytic), continued beyond",
         ),
     ],
 )
-def test_short_words_for_under_a_figure(options, words):
-    assert words in in_short(SDecGMCA(**options), 64)
+def test_words(of, options, words):
+    assert words in of(SDecGMCA(**options), 64)

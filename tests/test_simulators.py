@@ -145,21 +145,18 @@ class TestContainers:
         cube = check_read("map.h5", maps, unit="K")
         assert any("left out" in remark for remark in cube.remarks) == (len(pols) > 1)
 
-    def test_plain_frequencies(self, maps):
+    @pytest.mark.parametrize("name", [None, "map"])
+    def test_plain_frequencies_and_other_maps(self, name, maps):
+        """Which of several is meant can be said."""
         write_cora(maps)
-        self.change(**{"index_map/freq": CENTRES[::-1]})
-        check_read("map.h5", maps, unit="K")
+        self.change(**{"index_map/freq": CENTRES[::-1]} if name is None else {"others": maps})
+        check_read("map.h5", maps, unit="K", maps_name=name)
 
     def test_missing_values_of_its_maps(self, maps):
         write_cora(maps)
         with h5py.File("map.h5", "a") as file:
             file["map"].attrs["_FillValue"] = float(maps[3, 7] / 1e3)
         assert not read_cube("map.h5", unit="K", order="RING").mask[7]
-
-    def test_beside_other_maps_it_can_be_named(self, maps):
-        write_cora(maps)
-        self.change(others=maps)
-        check_read("map.h5", maps, unit="K", maps_name="map")
 
 
 def test_tables_of_channels_that_descend(maps):

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
-from smooth_problem import BEAMS, FREQS, INDICES, LMAX, N_CHANNELS, WIDTH, hi_covariance, make_sky
+from smooth_problem import BEAMS, FREQS, INDICES, LMAX, WIDTH, hi_covariance, make_sky
 from sparse_problem import largest_angle
 
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.transfer import expected_mock_power
-from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.pca import PCA
 from himap.removal.smooth_spectra import (
@@ -149,16 +148,6 @@ class TestResult:
         for options in ({"n_sources": 1}, {"n_smooth": 5}):
             assert np.std(cleaned(sky, **options).residual - four) > 1e-4 * np.std(four)
 
-    def test_a_field_of_nothing_is_left_as_it_is(self):
-        maps = np.zeros((N_CHANNELS, 3072), dtype=np.float32)
-        assert not SmoothSpectra().clean(maps, freqs=FREQS, beams=BEAMS).residual.any()
-
-    def test_not_settling_is_a_warning_and_a_flag(self, sky, monkeypatch):
-        monkeypatch.setattr("himap.removal.smooth_spectra._MOST_TURNS", 1)
-        with pytest.warns(SeparationWarning, match="smooth_spectra: stopped after 1 iterations"):
-            found = cleaned(sky)
-        assert not found.separation.converged
-
 
 def test_a_band_too_narrow_for_so_many_functions(rng):
     """HI that is as smooth over the band as the functions themselves: an error that says what to do."""
@@ -182,11 +171,10 @@ LEVELS = np.exp(np.linspace(0.5, -0.8, N) + 0.3 * np.linspace(-1, 1, N) ** 2)
 
 
 class TestLogFit:
-    def test_of_a_constant_it_is_the_mean(self, rng):
-        values = rng.gamma(2, 3, size=500)
-        assert np.exp(log_fit(np.ones((500, 1)), values)) == pytest.approx([values.mean()])
-
-    def test_what_is_exactly_so_comes_back(self):
+    def test_of_a_constant_it_is_the_mean_and_an_exact_model_comes_back(self):
+        """One value that is far out does no harm."""
+        values = np.r_[np.ones(9), 1e12]
+        assert np.exp(log_fit(np.ones((10, 1)), values)) == pytest.approx([values.mean()])
         design = np.polynomial.legendre.legvander(np.linspace(-1, 1, 20), 3)
         given = np.array([1.0, -4.0, 2.0, 0.5])
         assert log_fit(design, np.exp(design @ given)) == pytest.approx(given)
@@ -198,10 +186,6 @@ class TestLogFit:
         found = log_fit(design, values)
         assert design.T @ (values * np.exp(-design @ found) - 1) == pytest.approx(0, abs=1e-4)
         assert found == pytest.approx([0.3, 1.0, -2.0], abs=0.03)
-
-    def test_one_value_far_out_does_no_harm(self):
-        values = np.r_[np.ones(9), 1e12]
-        assert np.exp(log_fit(np.ones((10, 1)), values)) == pytest.approx([values.mean()])
 
 
 class TestCovariance:

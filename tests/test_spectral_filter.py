@@ -8,7 +8,7 @@ from sparse_problem import BEAMS, LMAX, NSIDE, make_problem
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.analysis import cube_modes
-from himap.removal.spectral_filter import SpectralFilter, on_sky, seen_through, through_beams
+from himap.removal.spectral_filter import SpectralFilter, filtered, on_sky, seen_through, through_beams
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def some_filter(rng, n_channels, lmax, n_sources=2):
 
 
 def foreground(linear, maps):
-    return linear.foreground(maps, cube_modes(maps)).cube()
+    return filtered(linear.spectra, linear.estimators, maps, cube_modes(maps)).cube()
 
 
 class TestFilter:
@@ -55,12 +55,6 @@ class TestFilter:
         linear.spectra[:], linear.estimators[:] = linear.spectra[0], linear.estimators[0]
         expected = linear.spectra[0] @ linear.estimators[0] @ maps
         assert foreground(linear, maps) == pytest.approx(expected, abs=1e-5)
-
-    def test_a_filter_of_a_sum_is_the_sum_of_filters(self, sky, rng):
-        linear = some_filter(rng, len(sky.maps), LMAX)
-        cubes = [part.astype(np.float32) for part in (sky.maps, sky.truth, sky.maps - sky.truth)]
-        total, truth, rest = (foreground(linear, cube) for cube in cubes)
-        assert np.std(total - truth - rest) < 1e-3 * np.std(total)
 
     def test_covariance_of_the_band(self, rng):
         linear = some_filter(rng, 3, 12)
@@ -87,12 +81,6 @@ class TestBeams:
         expected = sphere.synthesise(harmonic.from_modes(modes), NSIDE)
         found = through_beams(maps, mixing, BEAMS, cube_modes(maps)).cube()
         assert (found - expected).std() < 3e-3 * expected.std()
-
-    def test_only_the_span_counts(self, problem, rng):
-        maps, mixing, _ = problem
-        other, maps = mixing @ (np.eye(4) + rng.random((4, 4))), maps.astype(np.float32)
-        one, two = (through_beams(maps, space, BEAMS, cube_modes(maps)).cube() for space in (mixing, other))
-        assert one == pytest.approx(two, abs=1e-5 * float(np.abs(one).max()))
 
     @pytest.mark.parametrize("lmax", [None, 9])
     def test_sources_seen_through_beams(self, problem, rng, lmax):

@@ -14,14 +14,11 @@ class Observation:
 
     Attributes
     ----------
-    maps
-        Sky through the beam plus noise, mK, (n_channels, n_pix) float32, RING.
-    truth
-        HI through the beam plus the same noise, mK, same shape: what the paper compares with.
-    freqs
-        Channel centres, MHz, ascending.
-    channel_width
-        MHz.
+    maps, truth
+        Sky through the beam plus noise, mK, (n_channels, n_pix) float32, RING; and HI through the beam plus
+        the same noise, which the paper compares with.
+    freqs, channel_width
+        Channel centres, ascending, and their distance, MHz.
     beams
         b_l from the sky to `maps`, (n_channels, lmax + 1).
     """
@@ -34,21 +31,17 @@ class Observation:
 
 
 def observe(hi, foregrounds, noise, windows, survey):
-    """Observe a sky, given by its harmonic coefficients, so that several beams share the analysis of it.
+    """The `Observation` of a sky, given by its coefficients, so that several beams share the analysis of it.
 
     Parameters
     ----------
-    hi
-        Coefficients before the beam, mK, (n_channels, n_alm) to 3 nside - 1, from `sphere.analyse`.
-    foregrounds
-        The `HarmonicModes` of the same.
+    hi, foregrounds
+        Before the beam, mK: coefficients (n_channels, n_alm) to 3 nside - 1, and `HarmonicModes`.
     noise
         As the receiver adds it, mK: maps (n_channels, n_pix), or where `windows` smooth it later its
         coefficients.
-    windows
-        The `Windows` of a beam (`himap.instrument.beams.base`).
-    survey
-        The `Survey` they belong to.
+    windows, survey
+        The `Windows` of a beam (`himap.instrument.beams.base`), and the `Survey`.
 
     Raises
     ------
@@ -56,14 +49,10 @@ def observe(hi, foregrounds, noise, windows, survey):
         Something that is not of the survey's shape.
     """
     beams, resmoothing, n_channels = windows.total, windows.resmoothing, survey.n_channels
-    if beams.shape != (n_channels, survey.lmax + 1):
-        raise InputError(
-            f"the beam must be made for this survey: b_l of shape {(n_channels, survey.lmax + 1)}, got "
-            f"{beams.shape}."
-        )
     n_alm, n_modes = sphere.alm_size(survey.lmax), len(foregrounds.alms)
     columns = ("n_pix", survey.n_pix) if resmoothing is None else ("n_alm", n_alm)
     for label, values, names, shape in (
+        ("b_l of the beam", beams, "n_channels, lmax + 1", (n_channels, survey.lmax + 1)),
         ("hi", hi, "n_channels, n_alm", (n_channels, n_alm)),
         ("spectra of the foregrounds", foregrounds.spectra, "n_channels, n_modes", (n_channels, n_modes)),
         ("maps of the foregrounds", foregrounds.alms, "n_modes, n_alm", (n_modes, n_alm)),
@@ -74,13 +63,11 @@ def observe(hi, foregrounds, noise, windows, survey):
     signal = map(sphere.multiply_beam, hi, beams)
     if resmoothing is not None:
         signal = map(np.add, signal, map(sphere.multiply_beam, noise, resmoothing))
-    size = {"nside": survey.nside, "n_channels": n_channels}
-    truth = sphere.synthesise_cube(signal, **size, label="beam on HI and noise")
+    truth = sphere.synthesise_cube(signal, survey.nside, n_channels=n_channels, label="beam on HI and noise")
     if resmoothing is None:
         truth += noise
-    bright = (row @ foregrounds.alms for row in foregrounds.spectra)
-    bright = map(sphere.multiply_beam, bright, beams)
-    maps = sphere.synthesise_cube(bright, **size, label="beam on foregrounds")
+    bright = map(sphere.multiply_beam, (row @ foregrounds.alms for row in foregrounds.spectra), beams)
+    maps = sphere.synthesise_cube(bright, survey.nside, n_channels=n_channels, label="beam on foregrounds")
     maps += truth
     return Observation(
         maps=maps, truth=truth, freqs=survey.freqs, channel_width=survey.channel_width, beams=beams

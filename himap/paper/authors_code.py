@@ -36,7 +36,7 @@ CHANGE = 1e-12
 """Relative change of the first A, which tells what rounding alone does."""
 
 _NSIDE = 32
-_COMMON = {"n_sources": 4, "regularisation": 0.01, "share": 0.7, "reading": "code"}
+_COMMON = {"n_sources": 4, "regularisation": 0.01, "share": 0.7, "reading": "code", "pixels": "healpix"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class AuthorsCode:
 
     def scales(self, method):
         """The `Scales` of a method, whose thresholds work on HEALPix maps as in that code."""
-        return Scales.of(method, self.lmax, _NSIDE, pixels="healpix")
+        return Scales(method, self.lmax, _NSIDE)
 
     def mixing(self, variant, iteration):
         """A of that code after some iterations, (n_channels, n_sources)."""

@@ -48,7 +48,7 @@ def data_of(case, maps, seed=None):
 
 @product
 def fit(case, remover, mask_peaks=True):
-    """The `Fit` of a case by an `SDecGMCA.iteration`, which readings of its last S share."""
+    """The last `Step` of a case by an `SDecGMCA.iteration`, which readings of its last S share."""
     data = cleaning(case, remover, mask_peaks).basis
     del data.known[remover]  # which is this product
     with threadpool_limits(1, user_api="blas"):

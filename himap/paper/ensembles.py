@@ -65,9 +65,8 @@ def first_kept(case, options):
     method = of_code(case.beam, **options)
     mixture, scales, start = method.problem(cleaned.cleaning(case, method).basis)
     inverses = mixture.inverses(start, mixture.epsilon_of_matrices(start, method.regularisation))
-    empty = scales.empty_memory(method.n_sources)
-    _, kept = scales.threshold(mixture, inverses, method.share / method.n_warmup, empty)
-    return np.mean(kept != 0, axis=(1, 2))
+    _, kept = scales.threshold(mixture, inverses, method.share / method.n_warmup)
+    return np.mean(np.array(kept) != 0, axis=(1, 2))
 
 
 def curves(rows, quantity):

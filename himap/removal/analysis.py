@@ -25,14 +25,9 @@ _FINE = 64  # nside from which plain quadrature is good to 0.2 % of a coefficien
 class CubeModes:
     """Real modes (`himap.removal.harmonic`) of all channels, ``spectra @ bright + rest``.
 
-    Attributes
-    ----------
-    spectra
-        Orthonormal spectra of what is brighter than HI and noise, (n_channels, n_bright).
-    bright
-        Modes of the maps that go with them, (n_bright, n_modes) float64.
-    rest
-        Modes of the rest, (n_channels, n_modes) float32.
+    Spectra are those of what is brighter than HI and noise, orthonormal, (n_channels, n_bright); `bright` are
+    the modes of their maps, (n_bright, n_modes) float64, `rest` those of all else, (n_channels, n_modes)
+    float32.
     """
 
     spectra: np.ndarray

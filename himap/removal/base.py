@@ -16,7 +16,7 @@ from himap.core.checks import checked_fields, checked_noise, parameter
 from himap.core.errors import InputError
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data, check_channels, scattered
-from himap.removal.restarts import remarks_on_one
+from himap.removal.restarts import has_restarts, remarks_on_one
 from himap.removal.separation import Cleaned, Separation
 
 __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "SeparationWarning", "parameter"]
@@ -45,19 +45,10 @@ class ForegroundRemover(ABC):
         - "sphere": multipoles, so the pixels are a whole HEALPix sphere, or a part that is continued to it;
         - "neighbours": pixels around each pixel, of a HEALPix sphere as before, or of an image in the plane;
         - "weights": of pixels and voxels, where they differ; other methods refuse them.
-    ends_by_count
-        Whether the method as published also ends after so many iterations, settled or not; then to have come
-        to that end is recorded (`Separation.converged`), and no warning.
     """
 
     name: ClassVar[str]
     uses: ClassVar[frozenset] = frozenset()
-    ends_by_count: ClassVar[bool] = False
-
-    @property
-    def ends(self):
-        """Whether the residual ends at some multipole (`Separation.lmax`)."""
-        return False
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
@@ -68,7 +59,7 @@ class ForegroundRemover(ABC):
         if hasattr(self, "noise"):
             object.__setattr__(self, "noise", checked_noise("noise", self.noise))
 
-    def clean(self, maps, *, separate_on=None, modes=None, **given):
+    def clean(self, maps, *, separate_on=None, **given):
         """Find the foreground and subtract it.
 
         Parameters
@@ -78,9 +69,6 @@ class ForegroundRemover(ABC):
         separate_on
             Maps of the same shape to find the foreground in, such as `maps` with their peaks masked; `maps`
             themselves unless given. The foreground is always subtracted from `maps`.
-        modes
-            The `CubeModes` of those less their channel means, where they are at hand: to make them is half
-            of the work of methods that use the sphere.
         given
             `freqs`, and as needed `beams`, `noise`, `rng`, `mask`, `weights` and `image` (`Data.of`).
 
@@ -101,12 +89,10 @@ class ForegroundRemover(ABC):
             self.check_weights()
         data = basis = Data.of(maps, **given)
         if separate_on is not None:
-            if np.shape(separate_on) != np.shape(maps):
-                got = np.shape(separate_on)
-                raise InputError(f"separate_on must have the shape of maps, {np.shape(maps)}, got {got}.")
+            shape, other = np.shape(maps), np.shape(separate_on)
+            if shape != other:
+                raise InputError(f"separate_on must have the shape of maps, {shape}, got {other}.")
             basis = Data.of(separate_on, label="separate_on", **given)
-        if modes is not None:
-            basis.known["modes"] = modes
         cleaning = Cleaning(data=data, method=self, basis=basis)
         vars(cleaning)["separation"] = separation = self._separation_of(basis)
         cleaned = Cleaned(maps=cleaning.maps, residual=cleaning.residual, separation=separation)
@@ -135,7 +121,7 @@ class ForegroundRemover(ABC):
             ) from None
         found = found if found.means is not None else replace(found, means=whole.means)
         found.check(type(self).__name__, whole.maps.shape)
-        if not (found.converged or self.ends_by_count):
+        if not (found.converged or has_restarts(self)):  # those end by count, as published
             warnings.warn(
                 f"{self.name}: stopped after {found.n_iterations} iterations without converging.",
                 SeparationWarning,
@@ -144,59 +130,39 @@ class ForegroundRemover(ABC):
         return found if whole is data else found.moved(lambda lines: lines[:, data.grid])
 
     def check(self, n_channels):
-        """Refuse, before any work, parameters that do not fit maps of `n_channels` channels.
-
-        Raises
-        ------
-        InputError
-            More sources than channels, or noise for another number of channels.
-        """
+        """InputError, before any work, for parameters that do not fit maps of `n_channels` channels."""
         n_sources = getattr(self, "n_sources", 0)
         if n_sources > n_channels:
             raise InputError(
                 f"n_sources must be at most the number of channels, {n_channels}, got {n_sources}."
             )
+        least = self.least_channels(n_channels)
+        if n_channels < least:
+            raise InputError(f"{self.name} needs {least} channels or more, got {n_channels}.")
         checked_noise("noise", getattr(self, "noise", None), n_channels)
 
-    def check_data(self, data):
-        """Refuse, before any work, `Data` that the method cannot work with.
+    def least_channels(self, n_channels):
+        """How many of its channels a line of sight may not miss."""
+        return 1
 
-        Raises
-        ------
-        InputError
-            What it needs is missing, or it does not take what there is.
-        """
+    def check_data(self, data):
+        """InputError, before any work, for `Data` that lack what it needs or have what it does not take."""
         if "beams" in self.uses and data.beams is None:
             raise InputError(
                 f"{self.name} needs beams=, the b_l of every channel, (n_channels, lmax + 1); "
                 "himap.instrument.beams makes those of the paper."
             )
-        if "sphere" in self.uses and data.image is not None:
-            raise InputError(f"{self.name} looks at the sphere, by multipoles; image= must be left out.")
-        if self.uses & _WHOLE and data.image is None:
+        if data.image is None and self.uses & _WHOLE:
             from himap.maps import sphere
 
             sphere.nside_of(data.maps if data.grid is None else data.grid)
+        elif "sphere" in self.uses:
+            raise InputError(f"{self.name} looks at the sphere, by multipoles; image= must be left out.")
         if data.weights is not None:
             self.check_weights(data.weights)
 
-    def least_channels(self, n_channels):
-        """How many of its channels a line of sight may not miss, for methods that take weights."""
-        return 1
-
     def check_weights(self, weights=None):
-        """Refuse, before any work, weights of lines of sight that the method cannot work with.
-
-        Parameters
-        ----------
-        weights
-            (n_pix,) or (n_channels, n_pix); None for whether there may be any.
-
-        Raises
-        ------
-        InputError
-            The method takes no weights, or too few channels are seen on some line of sight.
-        """
+        """InputError for weights that the method does not take: any at all, or those with wide gaps."""
         if "weights" not in self.uses:
             raise InputError(f"{self.name} takes no weights and no flags; parametric, pca and polynomial do.")
         if np.ndim(weights) == 2:

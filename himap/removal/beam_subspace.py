@@ -75,9 +75,7 @@ class BeamSubspace(ForegroundRemover):
                 f"with a mask the beams must reach l = {lmax}, as {self.name} does, got b_l to {last}: what "
                 "lies beyond would be mixed across the edge. Give longer b_l, or a smaller lmax."
             )
-        inside = inner_weights(
-            sphere.synthesise(inner_alm(kept, beams.min(axis=0), lmax), sphere.nside_of(kept))
-        )
+        inside = inner_weights(kept, beams.min(axis=0), lmax)
         n_modes, needed = np.mean(inside) * (lmax + 1) ** 2, len(beams)
         if n_modes < needed:
             raise InputError(
@@ -93,15 +91,16 @@ class BeamSubspace(ForegroundRemover):
         best = beams.max(axis=0)
         mixture = BlurredMixture(modes.upto(lmax), beams[:, : lmax + 1] / best[: lmax + 1])
         mixing = mixture.start(self.n_sources)
-        if self.noise is None:  # the residual of the start
-            noise = mixture.residual_noise(mixing, mixture.sources(mixture.least_squares(mixing)))
+        if self.noise is None:  # the residual of the start, at the finer half of the multipoles
+            residual = mixture.residual(mixing, mixture.sources(mixture.least_squares(mixing)))
+            noise = np.mean(residual[:, ((lmax + 1) // 2) ** 2 :] ** 2, axis=1)
             noise = noise if kept is None else noise / np.mean(kept)
         else:
             noise = noise_per_mode(self.noise, *maps.shape)
         mixture = replace(mixture, noise=noise)
         weights = None
         if kept is not None:
-            weights = inner_weights(sphere.synthesise_grid(inner_alm(kept, beams.min(axis=0), lmax)))
+            weights = inner_weights(kept, beams.min(axis=0), lmax, on_grid=True)
         mixing, converged, n_iterations = self._settled(mixture, mixing, weights)
         mixing, sources = ordered(mixing, mixture.sources(mixture.least_squares(mixing)))
         return Separation(
@@ -137,13 +136,12 @@ class BeamSubspace(ForegroundRemover):
         return mixing, False, _MOST_ITERATIONS
 
 
-def inner_alm(kept, beam, lmax):
-    """Coefficients to `lmax` of a mask (n_pix,) seen twice through a beam b_l."""
-    return sphere.multiply_beam(
-        sphere.analyse(kept.astype(np.float64), lmax), (beam[: lmax + 1] / beam[0]) ** 2
-    )
+def inner_weights(kept, beam, lmax, *, on_grid=False):
+    """0 outside of a mask (n_pix,) and at its edge, 1 beyond reach of a beam b_l, by its pixels or the grid.
 
-
-def inner_weights(field):
-    """Of the field of `inner_alm`: 0 outside of the mask and at its edge, 1 beyond reach of the beam."""
+    From the coefficients to `lmax` of the mask, seen twice through the beam.
+    """
+    mask = sphere.analyse(kept.astype(np.float64), lmax)
+    alm = sphere.multiply_beam(mask, (beam[: lmax + 1] / beam[0]) ** 2)
+    field = sphere.synthesise_grid(alm) if on_grid else sphere.synthesise(alm, sphere.nside_of(kept))
     return np.clip(2 * field - 1, 0, 1)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.removal.covariance import principal_axes
-from himap.removal.harmonic import blocks, cross_products, project, safe_inverse
+from himap.removal.harmonic import blocks, safe_inverse
 
 _RANK = 1e-13  # directions below this share of the largest are rounding
 _FAINTEST = 1e-20  # of the largest C_l of a source: the code of C21 divides by no less
@@ -72,22 +72,20 @@ class BlurredMixture:
 
         `epsilon` is (n_l, n_sources), or 0.
         """
-        normal = self._normal(mixing)
-        normal[:, *np.diag_indices(mixing.shape[1])] += epsilon
-        return _inverse(normal, self.floor) @ (self.beams.T[:, None, :] * mixing.T)
+        return _inverse(self._normal(mixing, epsilon), self.floor) @ (self.beams.T[:, None, :] * mixing.T)
 
     def floored(self, mixing, epsilon):
         """Share of the multipoles at which `floor` raises an eigenvalue of these normal equations."""
-        normal = self._normal(mixing)
-        normal[:, *np.diag_indices(mixing.shape[1])] += epsilon
-        values = np.linalg.eigvalsh(normal)
+        values = np.linalg.eigvalsh(self._normal(mixing, epsilon))
         return float(np.mean(values[:, 0] < self.floor * values[:, -1]))
 
-    def _normal(self, mixing):
-        """A^T H_l^2 A, (n_l, n_sources, n_sources)."""
+    def _normal(self, mixing, epsilon=0):
+        """A^T H_l^2 A + diag(epsilon_l), (n_l, n_sources, n_sources)."""
         n = mixing.shape[1]
         products = (mixing[:, :, None] * mixing[:, None, :]).reshape(len(mixing), -1)
-        return (self.beams.T**2 @ products).reshape(-1, n, n)
+        normal = (self.beams.T**2 @ products).reshape(-1, n, n)
+        normal[:, *np.diag_indices(n)] += epsilon
+        return normal
 
     def epsilon_of_matrices(self, mixing, strength):
         """max(0, c - lambda_min(A^T H_l^2 A) / lambda_min(A^T A)) of every l, (n_l, 1) (C21, #3)."""
@@ -104,7 +102,10 @@ class BlurredMixture:
 
     def sources(self, inverses):
         """S_l = P_l X_l of every l, real modes (n_sources, (lmax + 1)^2)."""
-        return project(inverses, self.modes)
+        sources = np.empty((inverses.shape[-2], self.modes.shape[-1]))
+        for inverse, data, out in zip(inverses, blocks(self.modes), blocks(sources), strict=True):
+            np.matmul(inverse, data, out=out)
+        return sources
 
     def source_noise(self, inverses):
         """Variance of the noise of those sources per mode, (n_l, n_sources)."""
@@ -116,9 +117,9 @@ class BlurredMixture:
         `window` (lmax + 1,) makes of the data what `sources` are: 1, or the detail scales.
         """
         n = len(sources)
-        gram = cross_products(sources, sources)
+        gram = _cross_products(sources, sources)
         normal = (self.beams**2 @ gram.reshape(-1, n * n)).reshape(-1, n, n)
-        cross = np.einsum("cl,lcn->cn", self.beams * window, cross_products(self.modes, sources))
+        cross = np.einsum("cl,lcn->cn", self.beams * window, _cross_products(self.modes, sources))
         return np.einsum("cmn,cn->cm", _inverse(normal, self.floor), cross)
 
     def residual(self, mixing, sources):
@@ -128,11 +129,6 @@ class BlurredMixture:
         for matrix, source, data, out in by_degree:
             np.subtract(data, matrix @ source, out=out)
         return residual
-
-    def residual_noise(self, mixing, sources):
-        """Variance per mode and channel of X - H A S over the finer half of the multipoles, (n_channels,)."""
-        fine = ((self.lmax + 1) // 2) ** 2
-        return np.mean(self.residual(mixing, sources)[:, fine:] ** 2, axis=1)
 
     def corrected(self, mixing, residual, sources, kept):
         """A plus what `residual`, X - H A S, still holds of the thresholded sources `kept`.
@@ -145,10 +141,15 @@ class BlurredMixture:
         length, kept_length = (
             np.where(norm > 0, norm, 1) for norm in (np.linalg.norm(s, axis=1) for s in (sources, kept))
         )
-        cross = np.einsum("cl,lcn->cn", self.beams, cross_products(residual, kept)) / kept_length
-        gram = cross_products(sources, kept) / np.outer(length, kept_length)
+        cross = np.einsum("cl,lcn->cn", self.beams, _cross_products(residual, kept)) / kept_length
+        gram = _cross_products(sources, kept) / np.outer(length, kept_length)
         gram = np.einsum("cl,lmn->cmn", self.beams**2, gram)
         return mixing + np.einsum("cn,cnm->cm", cross, np.linalg.pinv(gram, rcond=_RANK)) / length
+
+
+def _cross_products(modes, sources):
+    """Sum over m of X_l S_l^T for every l, (n_l, n_channels, n_sources)."""
+    return np.stack([data @ source.T for data, source in zip(blocks(modes), blocks(sources), strict=True)])
 
 
 def _inverse(matrices, floor):

@@ -211,13 +211,7 @@ def scattered(lines, kept):
 
 
 def checked_mask(mask, n_pix):
-    """A mask as (n_pix,) bool, True where kept.
-
-    Raises
-    ------
-    InputError
-        Another shape, other values than True and False (or 1 and 0), or nothing kept.
-    """
+    """A mask as (n_pix,) bool, True where kept; InputError for another shape or value, or nothing kept."""
     from himap.maps.masks import mask_weights  # here: it imports healpy, which takes a second
 
     kept = mask_weights(mask, n_pix)
@@ -230,31 +224,19 @@ def checked_mask(mask, n_pix):
 
 
 def checked_weights(weights, shape, kept=None):
-    """Weights of maps in their simplest form, and the pixels that have any.
+    """Pixels that have weights, and weights in their simplest form, of maps of this shape.
 
-    Parameters
-    ----------
-    weights
-        (n_pix,) or (n_channels, n_pix): finite, 0 or more.
-    shape
-        Of the maps, (n_channels, n_pix).
-    kept
-        (n_pix,) bool, or None for all: nothing else is looked at.
-
-    Returns
-    -------
-    tuple
-        Pixels that are kept and seen in some channel, (n_pix,) bool, or None where that are all; and weights,
-        0 elsewhere: (n_channels, n_pix); (n_pix,) where they are the same in all channels; None where they
-        are the same in all voxels.
+    Of weights (n_pix,) or (n_channels, n_pix) in the pixels `kept`, (n_pix,) bool or None for all. The first
+    is (n_pix,) bool, or None where that are all; the second, 0 elsewhere, is (n_channels, n_pix); (n_pix,)
+    where all channels have the same; None where all voxels have.
 
     Raises
     ------
     InputError
         Another shape, something that is no weight, or none at all in the maps or in a channel.
     """
-    weights = np.asarray(weights, dtype=float) if np.asarray(weights).dtype == bool else weights
-    values = real_array("weights", weights)
+    is_bool = np.asarray(weights).dtype == bool
+    values = real_array("weights", np.asarray(weights, dtype=float) if is_bool else weights)
     if len(shape) != 2 or values.shape not in (shape, shape[1:]):
         raise InputError(
             f"weights must have shape (n_pix,) or (n_channels, n_pix), that of the maps, {shape}; got "
@@ -285,13 +267,7 @@ def checked_weights(weights, shape, kept=None):
 
 
 def check_channels(weights, least, label):
-    """Refuse weights (n_channels, n_pix) that leave a line of sight fewer than `least` channels.
-
-    Raises
-    ------
-    InputError
-        There is one; `label` is what needs more of them.
-    """
+    """InputError for weights (n_channels, n_pix) that leave `label` too few channels on a line of sight."""
     n_few = np.count_nonzero(np.count_nonzero(weights, axis=0) < least)
     if n_few:
         raise InputError(

@@ -44,7 +44,8 @@ class FastICA(ForegroundRemover):
     def _separate(self, data):
         axes = principal_components(data, self.n_sources)
         scale = np.sqrt(np.mean(axes.sources**2, axis=1))
-        rank = np.count_nonzero(scale > _rounding(scale[0], len(data.freqs)))
+        # Less is the rounding of float32 maps alone, spread over channels.
+        rank = np.count_nonzero(scale > scale[0] * np.finfo(np.float32).eps / np.sqrt(len(data.freqs)))
         mixing, sources = np.zeros_like(axes.mixing), np.zeros_like(axes.sources)
         n_iterations = 0
         if rank:
@@ -80,8 +81,3 @@ class FastICA(ForegroundRemover):
                 return_n_iter=True,
             )
         return rotation, n_iterations
-
-
-def _rounding(scale, n_channels):
-    """Standard deviation of a component that is the rounding of float32 maps alone, spread over channels."""
-    return scale * np.finfo(np.float32).eps / np.sqrt(n_channels)

@@ -17,6 +17,7 @@ _LONGEST = 100.0  # bands: longer is straight to the last digit of float32
 _MOST_STEPS = 500  # some 50 are needed
 _OUT_OF_STEPS = 1  # scipy's status
 _NOTHING = 1e-6  # share of a direction that is foreground below which none of it is
+_N_PARAMETERS = 7  # of the kernels
 _STARTS = (1e-2, 1e-5)  # of the variance: the less smooth part of the foreground, where the search begins
 
 
@@ -50,35 +51,28 @@ class GaussianProcess(ForegroundRemover):
     )
     longest_hi: float = parameter(15.0, "longest correlation length of HI, MHz", minimum=0, above=True)
 
-    def check(self, n_channels):
-        """Refuse fewer channels than parameters."""
-        super().check(n_channels)
-        if n_channels < _Kernels.N_PARAMETERS:
-            raise InputError(
-                f"{self.name} fits {_Kernels.N_PARAMETERS} parameters to the covariance of the channels and "
-                f"needs as many channels, got {n_channels}."
-            )
+    def least_channels(self, n_channels):
+        return _N_PARAMETERS
 
     def _separate(self, data):
         variance = np.trace(data.covariance) / len(data.covariance)
         if variance == 0:
             raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
-        kernels = _Kernels(data.freqs)
-        runs = [self._maximised(kernels, data.covariance / variance, mix) for mix in _STARTS]
+        runs = [self._maximised(data.freqs, data.covariance / variance, mix) for mix in _STARTS]
         best = min(runs, key=lambda run: run.fun)
-        spectra, rows = smoother(*kernels.parts(best.x))
+        spectra, rows = smoother(*kernel_parts(best.x, data.freqs))
         mixing, sources = ordered(spectra, projection(rows, data.centred))
         # A search that finds nothing better within rounding has arrived too, though scipy calls it abnormal.
         return Separation(
             mixing=mixing, sources=sources, converged=best.status != _OUT_OF_STEPS, n_iterations=best.nit
         )
 
-    def _maximised(self, kernels, covariance, mix):
+    def _maximised(self, freqs, covariance, mix):
         """The most likely logarithms of the parameters, scipy's result; `mix` is where that variance starts.
 
         In units of the data's variance.
         """
-        band = kernels.distance.max()
+        band = freqs[-1] - freqs[0]
         faint = np.clip(np.median(np.linalg.eigvalsh(covariance)), _LEAST, 1)
         amplitude = np.log([_LEAST, _MOST])
         foreground = np.log([self.shortest, max(_LONGEST * band, 2 * self.shortest)])
@@ -86,9 +80,9 @@ class GaussianProcess(ForegroundRemover):
         bounds = [amplitude, foreground, amplitude, foreground, amplitude, signal, amplitude]
         start = np.log([1, band, mix, band / 5, faint, self.longest_hi / 3, faint])
         return optimize.minimize(
-            kernels.cost,
+            cost,
             np.clip(start, *np.transpose(bounds)),
-            args=(covariance,),
+            args=(freqs, covariance),
             jac=True,
             method="L-BFGS-B",
             bounds=bounds,
@@ -96,43 +90,39 @@ class GaussianProcess(ForegroundRemover):
         )
 
 
-class _Kernels:
-    """The covariance of the channels, for the logarithms of 7 parameters: variance and length of the smooth
-    part, of the mix and of HI, and the variance of the noise; lengths in MHz.
+def kernel_terms(logs, freqs):
+    """Roots of K_smooth and K_mix with their derivatives; K_HI, its derivative in ln L, and K_noise.
+
+    Of the logarithms of 7 parameters: variance and length of the smooth part, of the mix and of HI, and the
+    variance of the noise; lengths in MHz.
     """
+    place = freqs - 0.5 * (freqs[0] + freqs[-1])
+    roots = [squared_exponential(place, *pair) for pair in (logs[:2], logs[2:4])]
+    ratio = np.abs(freqs[:, None] - freqs) / np.exp(logs[5])
+    kernel = np.exp(logs[4] - ratio)
+    return roots, (kernel, kernel * ratio, np.exp(logs[6]) * np.eye(len(freqs)))
 
-    N_PARAMETERS = 7
 
-    def __init__(self, freqs):
-        self.distance = np.abs(freqs[:, None] - freqs)
-        self.place = freqs - 0.5 * (freqs[0] + freqs[-1])
+def kernel_parts(logs, freqs):
+    """(F, K_HI + noise) with K_foreground = F F^T, (n_channels, n_terms) and (n_channels, n_channels)."""
+    roots, (hi, _, noise) = kernel_terms(logs, freqs)
+    return np.hstack([root for root, _ in roots]), hi + noise
 
-    def _terms(self, logs):
-        """Roots of K_smooth and K_mix with their derivatives; K_HI, its derivative in ln L, and K_noise."""
-        roots = [squared_exponential(self.place, *pair) for pair in (logs[:2], logs[2:4])]
-        ratio = self.distance / np.exp(logs[5])
-        kernel = np.exp(logs[4] - ratio)
-        return roots, (kernel, kernel * ratio, np.exp(logs[6]) * np.eye(len(ratio)))
 
-    def parts(self, logs):
-        """(F, K_HI + noise) with K_foreground = F F^T, (n_channels, n_terms) and (n_channels, n_channels)."""
-        roots, (hi, _, noise) = self._terms(logs)
-        return np.hstack([root for root, _ in roots]), hi + noise
-
-    def cost(self, logs, covariance):
-        """-ln L / n but for a constant, and its gradient, (7,)."""
-        (roots, terms), (root, rest) = self._terms(logs), self.parts(logs)
-        _, rows, power = _whitened(root, rest)
-        # K^-1 = rows^T rows, and ln det K is that of its parts.
-        rows /= np.sqrt(1 + power)[:, None]
-        known = rows @ covariance @ rows.T
-        value = 0.5 * (np.linalg.slogdet(rest)[1] + np.log1p(power).sum() + np.trace(known))
-        excess, slope = np.eye(len(known)) - known, []
-        for root, derivative in roots:
-            seen = excess @ (rows @ root)
-            slope += [0.5 * np.vdot(seen, rows @ root), np.vdot(seen, rows @ derivative)]
-        change = 0.5 * rows.T @ excess @ rows
-        return value, np.array(slope + [np.vdot(change, term) for term in terms])
+def cost(logs, freqs, covariance):
+    """-ln L / n but for a constant, and its gradient, (7,)."""
+    (roots, terms), (root, rest) = kernel_terms(logs, freqs), kernel_parts(logs, freqs)
+    _, rows, power = _whitened(root, rest)
+    # K^-1 = rows^T rows, and ln det K is that of its parts.
+    rows /= np.sqrt(1 + power)[:, None]
+    known = rows @ covariance @ rows.T
+    value = 0.5 * (np.linalg.slogdet(rest)[1] + np.log1p(power).sum() + np.trace(known))
+    excess, slope = np.eye(len(known)) - known, []
+    for root, derivative in roots:
+        seen = excess @ (rows @ root)
+        slope += [0.5 * np.vdot(seen, rows @ root), np.vdot(seen, rows @ derivative)]
+    change = 0.5 * rows.T @ excess @ rows
+    return value, np.array(slope + [np.vdot(change, term) for term in terms])
 
 
 def squared_exponential(place, variance, length):

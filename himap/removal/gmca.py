@@ -60,7 +60,7 @@ class GMCA(ForegroundRemover):
     def _separate(self, data):
         for step in progress(self.iterate(data.centred, data.image), "gmca", total=self.max_iterations):
             last = step
-        mixing, sources = ordered(last.mixing, projection(_inverse(last.mixing), data.centred))
+        mixing, sources = ordered(last.mixing, projection(safe_inverse(last.mixing[None])[0], data.centred))
         return Separation(
             mixing=mixing, sources=sources, converged=last.converged, n_iterations=last.n_iterations
         )
@@ -70,16 +70,22 @@ class GMCA(ForegroundRemover):
 
         `image` is as in `Data`, for pixels of an image in the plane.
         """
-        starlets = details_of(maps, self.n_scales, image)
+        if image is None:
+            starlets = SphereDetails(self.n_scales, sphere.nside_of(maps))
+        else:
+            starlets = PlaneStarlets(image, self.n_scales)
         covariance = channel_covariance(maps)
         mixing = principal_axes(covariance, self.n_sources)
         cube = SplitCube(maps, bright_axes(covariance, least=self.n_sources))
         for n_iterations in range(1, self.max_iterations + 1):
             share = min(1, n_iterations / self.n_falling)
-            sources = starlets.details(cube.projection(_inverse(mixing)))
-            limits = thresholds(sources, share, self.n_sigma)
-            for row, limit in zip(sources.reshape(limits.size, -1), limits.flat, strict=True):
-                row -= np.clip(row, -limit, limit) if self.penalty == "l1" else row * (np.abs(row) <= limit)
+            sources = starlets.details(cube.projection(safe_inverse(mixing[None])[0]))
+            limits = np.empty(sources.shape[:-1])
+            for index in np.ndindex(limits.shape):
+                row, size = sources[index], np.abs(sources[index])
+                limit = share_threshold(size, self.n_sigma * NORMAL * np.median(size), share)
+                row -= np.clip(row, -limit, limit) if self.penalty == "l1" else row * (size <= limit)
+                limits[index] = limit
             updated = _updated(mixing, cube, sources, starlets)
             converged = share == 1 and _settled(mixing, updated, covariance, self.tolerance)
             mixing = updated
@@ -124,40 +130,6 @@ def _settled(before, after, covariance, tolerance):
     change, residual = (np.sum(p @ covariance * p) for p in (new - old, np.eye(len(new)) - new))
     rounding = np.finfo(np.float32).eps ** 2 * np.trace(covariance)
     return bool(change <= max(tolerance**2 * residual, rounding))
-
-
-def thresholds(coefficients, share, n_sigma):
-    """Threshold of each source in each scale, (n_scales, n_sources), in the unit of the coefficients.
-
-    Of the coefficients (n_scales, n_sources, n_pix) above `n_sigma` times the noise, the largest `share`
-    stay.
-    """
-    limits = np.empty(coefficients.shape[:-1])
-    for index in np.ndindex(limits.shape):
-        size = np.abs(coefficients[index])
-        limits[index] = share_threshold(size, n_sigma * NORMAL * np.median(size), share)
-    return limits
-
-
-def _inverse(mixing):
-    """A^+, (n_sources, n_channels)."""
-    return safe_inverse(mixing[None])[0]
-
-
-def details_of(maps, n_scales, image=None):
-    """What takes maps (n_maps, n_pix) to their detail scales, a `SphereDetails` or a `PlaneStarlets`.
-
-    Of an image where `image`, (n_y, n_x) bool, tells which of its pixels they are, otherwise of a
-    HEALPix sphere. Both are linear, and the same for every map.
-
-    Raises
-    ------
-    InputError
-        No full HEALPix sphere, or too small an image for so many scales.
-    """
-    if image is None:
-        return SphereDetails(n_scales, sphere.nside_of(maps))
-    return PlaneStarlets(image, n_scales)
 
 
 class SphereDetails:

@@ -86,42 +86,38 @@ class GNILC(ForegroundRemover):
         peaks = [self.first_peak]
         while 2 * peaks[-1] < lmax:
             peaks.append(2 * peaks[-1])
-        windows = cosine_needlets(peaks, lmax)
-        covariances = [band_covariance(modes.upto(_last(window)), window) for window in windows]
-        if self.prior is None:
-            pairs = zip(covariances, peaks, strict=True)
-            priors = [expected_covariance(covariance, data.freqs, peak) for covariance, peak in pairs]
-        else:
-            priors = mock_covariances(read_mock(self.prior, maps.shape), windows)
-        filters = [foreground_filter(*pair) for pair in zip(covariances, priors, strict=True)]
-        spectra, rows = (list(parts) for parts in zip(*filters, strict=True))
-        degrees = harmonic.degrees(lmax)
-        sources = [
-            _maps(window[degrees] ** 2 * modes.along(row, lmax), nside)
-            for window, row in zip(progress(windows, self.name), rows, strict=True)
-        ]
+        windows, degrees = cosine_needlets(peaks, lmax), harmonic.degrees(lmax)
+        mock = None if self.prior is None else mock_modes(read_mock(self.prior, maps.shape))
+        spectra, sources, local = [], [], 0
+        for peak, window in zip(peaks, progress(windows, self.name), strict=True):
+            covariance = band_covariance(modes.upto(_last(window)), window)
+            if mock is None:
+                prior = expected_covariance(covariance, data.freqs, peak)
+            else:
+                prior = stationary(band_covariance(mock, window))
+            columns, rows = foreground_filter(covariance, prior)
+            spectra.append(columns)
+            sources.append(_maps(window[degrees] ** 2 * modes.along(rows, lmax), nside))
+            n_modes = self.bias * np.sum((2 * np.arange(lmax + 1) + 1) * window**2)  # over regions
+            if len(prior) < n_modes:
+                width = np.sqrt(len(prior) / n_modes)
+                local = local + _local(modes, window, prior, (columns, rows), width, nside)
         # Beyond the last l: what is in the maps less what is in their modes.
-        sources[-1] += projection(rows[-1], maps) - _maps(modes.along(rows[-1], lmax), nside)
-        if self.bias:
-            local = 0
-            for needlet in zip(windows, priors, filters, strict=True):
-                local = local + self._local(modes, *needlet, nside)
-            if np.ndim(local):
-                spectra.append(np.eye(len(maps)))
-                sources.append(sphere.synthesise(local, nside).astype(np.float64))
+        sources[-1] += projection(rows, maps) - _maps(modes.along(rows, lmax), nside)
+        if np.ndim(local):
+            spectra.append(np.eye(len(maps)))
+            sources.append(sphere.synthesise(local, nside).astype(np.float64))
         mixing, sources = ordered(np.hstack(spectra), np.concatenate(sources))
         return Separation(mixing=mixing, sources=sources)
 
-    def _local(self, modes, window, prior, everywhere, nside):
-        """Coefficients of the `local_difference` of a needlet, (n_channels, n_alm); 0 without regions."""
-        share = len(prior) / (self.bias * np.sum((2 * np.arange(len(window)) + 1) * window**2))
-        if share >= 1:
-            return 0
-        last = _last(window)
-        data = _maps(window[harmonic.degrees(last)] * modes.upto(last), nside)
-        more = local_difference(data, prior, everywhere, np.sqrt(share))
-        alms = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
-        return alms * window[sphere.alm_degree(len(window) - 1)].astype(np.float32)
+
+def _local(modes, window, prior, everywhere, width, nside):
+    """Coefficients of the `local_difference` of a needlet, (n_channels, n_alm)."""
+    last = _last(window)
+    data = _maps(window[harmonic.degrees(last)] * modes.upto(last), nside)
+    more = local_difference(data, prior, everywhere, width)
+    alms = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
+    return alms * window[sphere.alm_degree(len(window) - 1)].astype(np.float32)
 
 
 def _last(window):
@@ -163,16 +159,8 @@ def local_difference(maps, prior, everywhere, width):
     no further apart than `width`; between them the results of their filters are averaged with the squares of
     those weights. A covariance is that of cells of half that size, each with its weight.
 
-    Parameters
-    ----------
-    maps
-        (n_channels, n_pix) float64.
-    prior
-        Q of HI and noise, (n_channels, n_channels), mK^2.
-    everywhere
-        The `foreground_filter` of all pixels.
-    width
-        rad.
+    Of maps, (n_channels, n_pix) float64, with Q of HI and noise, `prior`, and the `foreground_filter` of all
+    pixels; `width` in rad.
     """
     nside = sphere.nside_of(maps)
     coarse = 2 ** max(0, int(np.ceil(np.log2(np.sqrt(np.pi / 3) / width))))
@@ -201,21 +189,14 @@ def local_difference(maps, prior, everywhere, width):
 
 
 def read_mock(path, shape):
-    """The maps of a mock, (n_channels, n_pix), mK, from a .npy file.
+    """The maps of HI and noise as the instrument sees them, (n_channels, n_pix), mK, of a .npy file.
 
     Raises
     ------
     InputError
         There is no such file, it is no array, or not one of finite numbers of that shape.
     """
-    try:
-        maps = mapped_array(path)
-    except InputError as problem:
-        raise InputError(
-            "prior must be a .npy file with maps of HI and noise, (n_channels, n_pix) in mK, RING, channels "
-            f"ascending; {problem}"
-        ) from None
-    maps = checked_cube("the mock of prior", maps, min_channels=2)
+    maps = checked_cube("the mock of prior", mapped_array(path), min_channels=2)
     if maps.shape != shape:
         raise InputError(
             f"the mock of prior must have the shape of the maps, {shape}, got {maps.shape}; make it for "
@@ -224,17 +205,12 @@ def read_mock(path, shape):
     return maps
 
 
-def mock_covariances(maps, windows):
-    """The covariance of a mock in every window, made `stationary`, a list of (n_channels, n_channels), mK^2.
-
-    The maps, (n_channels, n_pix), mK, are HI and noise as the instrument sees them; windows h_l are
-    (n_windows, lmax + 1).
-    """
-    lmax = windows.shape[1] - 1
-    modes = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
+def mock_modes(maps):
+    """Real modes of the maps of a mock, (n_channels, n_pix) to (n_channels, 9 nside^2) float32."""
+    modes = np.empty((len(maps), 9 * sphere.nside_of(maps) ** 2), dtype=np.float32)
     for channel, out in zip(progress(centred(maps), "prior"), modes, strict=True):
-        out[:] = harmonic.to_modes(sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT))
-    return [stationary(band_covariance(modes, window)) for window in windows]
+        out[:] = harmonic.to_modes(sphere.analyse(channel, n_iter=sphere.N_ITER_FLAT))
+    return modes
 
 
 def band_covariance(modes, window):

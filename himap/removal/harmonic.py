@@ -16,11 +16,7 @@ _RANK = 1e-13  # singular values below this share of the largest are rounding
 
 @lru_cache(maxsize=4)
 def _order(lmax):
-    """How real modes are ordered, arrays that are read-only.
-
-    For every mode the index of its real number in the coefficients, and its factor; for every real number of
-    the coefficients its mode, and its factor, 0 where it has none.
-    """
+    """For every mode the index of its real number in the coefficients, and its factor; read-only."""
     n_alm = sphere.alm_size(lmax)
     index = np.empty((lmax + 1) ** 2, dtype=np.int64)
     for degree in range(lmax + 1):
@@ -28,11 +24,8 @@ def _order(lmax):
         index[degree**2 : (degree + 1) ** 2] = np.concatenate([alm, alm[1:] + n_alm])
     factor = np.full(len(index), np.sqrt(2))
     factor[np.arange(lmax + 1) ** 2] = 1
-    places, back = np.zeros(2 * n_alm, dtype=np.int64), np.zeros(2 * n_alm)
-    places[index], back[index] = np.arange(len(index)), 1 / factor
-    for array in (index, factor, places, back):
-        array.flags.writeable = False
-    return index, factor, places, back
+    index.flags.writeable = factor.flags.writeable = False
+    return index, factor
 
 
 def degrees(lmax):
@@ -43,18 +36,17 @@ def degrees(lmax):
 def to_modes(alms):
     """Real modes of healpy's coefficients, (..., n_alm) to (..., (lmax + 1)^2) float64."""
     alms = np.asarray(alms)
-    index, factor, *_ = _order(sphere.lmax_of_size(alms.shape[-1]))
+    index, factor = _order(sphere.lmax_of_size(alms.shape[-1]))
     return np.concatenate([alms.real, alms.imag], axis=-1, dtype=np.float64)[..., index] * factor
 
 
 def from_modes(modes):
     """healpy's coefficients of real modes, the inverse of `to_modes`; complex128."""
     lmax = round(np.sqrt(modes.shape[-1])) - 1
-    n_alm, (*_, places, factors) = sphere.alm_size(lmax), _order(lmax)
-    alms = np.empty((*modes.shape[:-1], n_alm), dtype=complex)
-    alms.real = modes[..., places[:n_alm]] * factors[:n_alm]
-    alms.imag = modes[..., places[n_alm:]] * factors[n_alm:]
-    return alms
+    n_alm, (index, factor) = sphere.alm_size(lmax), _order(lmax)
+    numbers = np.zeros((*modes.shape[:-1], 2 * n_alm))
+    numbers[..., index] = modes * (1 / factor)
+    return numbers[..., :n_alm] + 1j * numbers[..., n_alm:]
 
 
 def blocks(modes):
@@ -66,15 +58,8 @@ def blocks(modes):
 def safe_inverse(matrices):
     """Least-squares inverses of tall matrices, through QR and never through the normal equations.
 
-    Parameters
-    ----------
-    matrices
-        W_l = diag(H_l) A, (n_l, n_channels, n_sources).
-
-    Returns
-    -------
-    inverses
-        (n_l, n_sources, n_channels). Directions below rounding are dropped, so nothing is singular.
+    Of W_l = diag(H_l) A, (n_l, n_channels, n_sources), to (n_l, n_sources, n_channels). Directions below
+    rounding are dropped, so nothing is singular.
     """
     q, square = np.linalg.qr(matrices)
     return _inverses(square) @ np.swapaxes(q, -1, -2)
@@ -91,16 +76,3 @@ def _inverses(square):
     if close.any():
         inverses[close] = np.linalg.pinv(square[close], rcond=_RANK)
     return inverses
-
-
-def project(inverses, modes):
-    """Sources of data modes, P_l X_l for every l: (n_channels, n_modes) to (n_sources, n_modes)."""
-    sources = np.empty((inverses.shape[-2], modes.shape[-1]))
-    for inverse, data, out in zip(inverses, blocks(modes), blocks(sources), strict=True):
-        np.matmul(inverse, data, out=out)
-    return sources
-
-
-def cross_products(modes, sources):
-    """Sum over m of X_l S_l^T for every l, (n_l, n_channels, n_sources)."""
-    return np.stack([data @ source.T for data, source in zip(blocks(modes), blocks(sources), strict=True)])

@@ -57,14 +57,6 @@ class Parametric(ForegroundRemover):
                 "plausible are -4 and -2.2."
             )
 
-    def check(self, n_channels):
-        """Refuse fewer channels than parameters."""
-        super().check(n_channels)
-        if n_channels < _N_PARAMETERS:
-            raise InputError(
-                f"{self.name} fits {_N_PARAMETERS} parameters and needs as many channels, got {n_channels}."
-            )
-
     def least_channels(self, n_channels):
         return _N_PARAMETERS
 
@@ -108,12 +100,8 @@ class _TwoPowerLaws:
     At a given beta the model spans two directions: q1, the unit vector along x^-2.13, and q2(beta), the unit
     vector along what x^beta adds to it. It comes from (x^beta - x^-2.13) / (beta + 2.13), written with
     exprel, which loses no digits where the power laws meet. q2 is smooth in beta: a short Chebyshev series,
-    in t from -1 to 1 over the range of beta, holds it to rounding.
-
-    Attributes
-    ----------
-    spectra
-        Orthonormal spectra that hold every model, q1 first, (n_channels, n_spectra).
+    in t from -1 to 1 over the range of beta, holds it to rounding. `spectra` are orthonormal and hold every
+    model, q1 first, (n_channels, n_spectra).
     """
 
     def __init__(self, x, beta_min, beta_max):
@@ -178,12 +166,8 @@ def _highest(series):
     """Place of the largest |value| in [-1, 1] of Chebyshev series, (degree + 1, n_pix).
 
     A grid finds the highest peak; Newton steps on the derivative, replaced by bisection wherever they leave
-    the bracket, polish it.
-
-    Returns
-    -------
-    tuple
-        The places, which of them are a bound, and where the search converged, (n_pix,) each; its steps.
+    the bracket, polish it. Returned are the places, which of them are a bound, and where the search
+    converged, (n_pix,) each; and its steps.
     """
     grid = np.linspace(-1, 1, _N_GRID)
     values = chebyshev.chebvander(grid, _DEGREE) @ series

@@ -37,8 +37,7 @@ class Baselines:
     basis
         Polynomials in frequency, orthonormal over the channels, (n_channels, order + 1).
     first, second
-        Coefficients of the fit to all channels, and of the fit without the flagged ones,
-        (order + 1, n_pix), mK.
+        The fits to all channels, and without those `flagged`, (order + 1, n_pix), mK.
     flagged
         Channels that stand out from the first fit, (n_channels, n_pix) bool.
     """
@@ -169,14 +168,7 @@ def _deviation_of_sky(maps, basis, spread, weights):
 
 
 def check_clipping(n_channels, order, n_sigma):
-    """Refuse an order or a threshold that could leave a line of sight with too few channels to fit.
-
-    Raises
-    ------
-    InputError
-        The order is no whole number from 1 to n_channels - 2, the threshold no positive number, or so low
-        that order + 1 channels or fewer could stay.
-    """
+    """InputError for an order that leaves no channel to spare, or a threshold that could leave too few."""
     whole_number("order", order, 1, n_channels - 2)
     real = isinstance(n_sigma, numbers.Real) and not isinstance(n_sigma, bool)
     if not real or not 0 < n_sigma < np.inf:

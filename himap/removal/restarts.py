@@ -43,10 +43,7 @@ def has_restarts(method):
 def checked_restarts(method, n=None):
     """The number of restarts of a `ForegroundRemover` for `n`; None for `RESTARTS`, or 1 without any.
 
-    Raises
-    ------
-    InputError
-        Some of a method that has none, or a number that is not 1 or more.
+    InputError for some of a method that has none, and for a number that is not 1 or more.
     """
     if has_restarts(method):
         return RESTARTS if n is None else whole_number("restarts", n, 1, 10_000)
@@ -112,15 +109,12 @@ class Ensemble:
     @cached_property
     def values(self):
         """Of each member its `contrast`, and the distance from the medoid over the rms of its residual."""
-        residual = self.medoid.residual
+        residual, values = self.medoid.residual, []
         rms = np.sqrt(np.mean(np.square(residual, dtype=np.float64)))
-        several = zip(self.members, map(self.change, range(len(self.members))), strict=True)
-        contrasts = [contrast(residual, one.separation.foreground, change) for one, change in several]
-        distances = self.distances[self.medoid_index] / rms
-        return [
-            {"contrast": float(bright), "distance": float(far)}
-            for bright, far in zip(contrasts, distances, strict=True)
-        ]
+        for k, distance in enumerate(self.distances[self.medoid_index]):
+            bright = contrast(residual, self.members[k].separation.foreground, self.change(k))
+            values.append({"contrast": float(bright), "distance": float(distance / rms)})
+        return values
 
     @property
     def flags(self):
@@ -130,20 +124,21 @@ class Ensemble:
     @property
     def remarks(self):
         """Sentences: which member is the medoid, which ones have flags, and what then to do."""
-        failed = {
-            member.method.restart: one for member, one in zip(self.members, self.flags, strict=True) if one
-        }
-        named = [
-            f"{meaning} (restart {', '.join(str(k) for k, one in failed.items() if name in one)})"
-            for name, (_, meaning) in FLAGS.items()
-            if any(name in one for one in failed.values())
+        method, n, failed = self.medoid.method, len(self.members), {}
+        for member, names in zip(self.members, self.flags, strict=True):
+            for name in names:
+                failed.setdefault(name, []).append(member.method.restart)
+        failing = set().union(*failed.values())
+        reasons = [
+            f"{FLAGS[name][1]} (restart {', '.join(map(str, failed[name]))})"
+            for name in FLAGS
+            if name in failed
         ]
-        method, n = self.medoid.method, len(self.members)
-        said = [
+        first = (
             f"{method.name} is chaotic: this is restart {method.restart}, the medoid of {n}, of which "
-            f"{len(failed)} look failed{': ' if named else ''}{', '.join(named)}."
-        ]
-        return [*said, _WAY_OUT] if 2 * len(failed) >= n or method.restart in failed else said
+            f"{len(failing)} look failed{': ' if failed else ''}{', '.join(reasons)}."
+        )
+        return [first, _WAY_OUT] if 2 * len(failing) >= n or method.restart in failing else [first]
 
 
 def remarks_on_one(cleaning):

@@ -65,16 +65,9 @@ class Separation:
                 )
 
     def residual(self, maps, basis, channels=slice(None)):
-        """`maps` without the foreground, (n_channels, n_pix) float32, mK.
+        """`maps` (n_channels, n_pix), mK, without the foreground, float32; of some channels, a slice.
 
-        Parameters
-        ----------
-        maps
-            (n_channels, n_pix), mK.
-        basis
-            The `Data` that this was found in: beyond `lmax` all that it holds is subtracted.
-        channels
-            A slice: which channels are asked for.
+        `basis` are the `Data` that this was found in: beyond `lmax` all that they hold is subtracted.
         """
         foreground = self.foreground.of_channels(channels)
         if self.lmax is None:

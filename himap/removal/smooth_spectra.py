@@ -12,7 +12,7 @@ from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered
-from himap.removal.spectral_filter import SpectralFilter
+from himap.removal.spectral_filter import SpectralFilter, filtered
 
 _INDEX = -2.7  # of the power law that the smooth functions vary about; it hardly matters
 _LEAST_WIDTH, _GROWTH = 5, 1.25  # of bands of multipoles
@@ -104,7 +104,7 @@ class SmoothSpectra(ForegroundRemover):
         axes = np.linalg.eigh(amplitudes @ amplitudes.T)[1][:, ::-1][:, : self.n_sources]
         mixing, sources = ordered(basis @ axes, axes.T @ amplitudes)
         return FilteredSeparation(
-            low_rank=linear.foreground(maps, modes),
+            low_rank=filtered(linear.spectra, linear.estimators, maps, modes),
             mixing=mixing,
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=all(converged),
@@ -183,18 +183,11 @@ def multipole_bands(lmax):
 
 
 def shrunk_variance(values, ratio):
-    """Variance of a signal behind sample eigenvalues of signal plus noise of unit variance, (n,).
+    """Variance of a signal behind sample eigenvalues, (n,), of signal plus noise of unit variance.
 
     The shrinkage of eigenvalues that is optimal in the Frobenius norm (Donoho, Gavish & Johnstone 2018): 0 up
     to the edge (1 + sqrt(ratio))^2 of the eigenvalues of noise alone (Marchenko & Pastur 1967), from there
-    on without a step.
-
-    Parameters
-    ----------
-    values
-        Sample eigenvalues.
-    ratio
-        Dimensions over samples.
+    on without a step. `ratio` is dimensions over samples.
     """
     edge = (1 + np.sqrt(ratio)) ** 2
     half = (np.maximum(values, edge) + 1 - ratio) / 2
@@ -212,19 +205,9 @@ def faint_covariance(products, freqs, n_removed):
     foregrounds, is extrapolated from where foregrounds are negligible, and a smooth spectrum that is no
     brighter than HI is not removed as foreground.
 
-    Parameters
-    ----------
-    products
-        Mean of the products of the modes of two channels, (n_channels, n_channels).
-    freqs
-        Channel centres, MHz, (n_channels,).
-    n_removed
-        Smooth spectra that were subtracted: the power below half a wave more in the band is not looked at.
-
-    Returns
-    -------
-    numpy.ndarray
-        (n_channels, n_channels), positive definite.
+    Of the mean products of the modes of two channels, (n_channels, n_channels), with centres `freqs`, MHz; of
+    `n_removed` smooth spectra that were subtracted: the power below half a wave more in the band is not
+    looked at. The result is positive definite.
     """
     n_channels = len(freqs)
     places = (freqs - freqs[0]) / (freqs[-1] - freqs[0]) * (n_channels - 1)

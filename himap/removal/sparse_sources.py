@@ -13,20 +13,11 @@ NORMAL = 1.4826
 class SparseSources:
     """Soft thresholds on the starlet detail scales of sources given as real modes.
 
-    The scales are made on a grid that is exact for the multipoles at hand, so that what is not
-    thresholded comes back unchanged.
-
-    Parameters
-    ----------
-    lmax, n_scales
-        Largest multipole, and number of detail scales.
-    n_sigma
-        Lowest threshold, in units of the noise of a source in a scale.
-    analytic
-        Noise propagated from that of the sources; otherwise 1.48 times the median absolute coefficient.
-    weights
-        Of every point of the grid to `lmax`, 0 to 1, (n_grid,), for a part of the sky: what is looked at are
-        coefficients times their weights, and medians are of those above zero. None for the full sky.
+    The scales are made on a grid that is exact for the multipoles to `lmax`, so that what is not thresholded
+    comes back unchanged. The lowest threshold is `n_sigma` times the noise of a source in a scale: propagated
+    from that of the source where `analytic`, otherwise 1.48 times the median absolute coefficient. For a part
+    of the sky there are `weights` of the grid, 0 to 1, (n_grid,): coefficients are multiplied by them, and
+    medians are of those above zero.
     """
 
     def __init__(self, lmax, n_scales, *, n_sigma, analytic, weights=None):
@@ -38,16 +29,10 @@ class SparseSources:
         self._bands = starlet_bands(n_scales, lmax)[:-1]
 
     def __call__(self, sources, noise, share):
-        """Detail scales of `sources` after soft thresholds, added up: real modes of the same shape.
+        """Detail scales of `sources`, real modes (n_sources, (lmax + 1)^2), after soft thresholds, added up.
 
-        Parameters
-        ----------
-        sources
-            Real modes, (n_sources, (lmax + 1)^2).
-        noise
-            Variance of the noise of each source per mode, (n_l, n_sources).
-        share
-            Of the coefficients above the noise, the largest `share` stay.
+        `noise` is its variance in each source per mode, (n_l, n_sources). Of the coefficients above the
+        noise, the largest `share` stay.
         """
         levels = noise_of_scales(self.filters[:-1], noise)
         kept = np.empty_like(sources)

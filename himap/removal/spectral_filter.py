@@ -31,10 +31,6 @@ class SpectralFilter:
     faint: np.ndarray
     first: np.ndarray
 
-    def foreground(self, maps, modes):
-        """The foreground of maps and their `CubeModes`, a `LowRankCube` (`filtered`)."""
-        return filtered(self.spectra, self.estimators, maps, modes)
-
     def faint_at(self, degree):
         """The covariance of HI and noise at one l, (n_channels, n_channels)."""
         return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
@@ -43,15 +39,9 @@ class SpectralFilter:
 def filtered(spectra, estimators, maps, modes):
     """W_l G_l X_l of maps at every l, a `LowRankCube`; beyond the last l they are filtered as there.
 
-    Parameters
-    ----------
-    spectra, estimators
-        W_l, (n_l, n_channels, n), and G_l, (n_l, n, n_channels). All W_l lie in a space of a few dozen
-        spectra, so few maps are transformed back.
-    maps
-        (n_channels, n_pix) float32, mK, RING.
-    modes
-        Their `CubeModes`.
+    Of W_l, (n_l, n_channels, n), and G_l, (n_l, n, n_channels), and maps, (n_channels, n_pix) float32, mK,
+    RING, with their `CubeModes`. All W_l lie in a space of a few dozen spectra, so few maps are transformed
+    back.
     """
     axes = common_axes(spectra)
     within = axes.T @ spectra

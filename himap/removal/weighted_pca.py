@@ -124,12 +124,8 @@ def seen_covariance(maps, weights, components):
     of the model with itself over all pixels, with the largest weight of each. Of equal weights this is the
     plain covariance, whatever the model.
 
-    Parameters
-    ----------
-    maps, weights
-        As in `weighted_components`; maps need not be less their means.
-    components
-        The `Separation` whose foreground is the model.
+    Maps and weights are as in `weighted_components`, though maps need not be less their means; the model is
+    the foreground of `components`, a `Separation`.
     """
     maps = centred(maps, components.means)
     if weights.ndim == 1:

@@ -85,14 +85,8 @@ class Beam(ABC):
     def windows(self, freqs, *, lmax, dish_diameter=DISH):
         """The `Windows` of channels, to `lmax`, or as far as the beam is known.
 
-        Parameters
-        ----------
-        freqs
-            Channel centres, MHz, (n_channels,); ascending unless the beam goes by lines.
-        lmax
-            Largest multipole.
-        dish_diameter
-            m, for beams whose width follows from it.
+        Of centres, MHz, (n_channels,), ascending unless the beam goes by lines, and a dish diameter in m, for
+        beams whose width follows from it.
 
         Raises
         ------
@@ -105,13 +99,7 @@ class Beam(ABC):
         return self._windows(freqs, lmax, dish_diameter)
 
     def of_survey(self, survey):
-        """The `Windows` of a `Survey`, to its lmax.
-
-        Raises
-        ------
-        InputError
-            As `windows`; or a beam that ends before lmax.
-        """
+        """The `Windows` of a `Survey`, to its lmax; errors as of `windows`, and a beam that ends before."""
         windows = self.windows(survey.freqs, lmax=survey.lmax, dish_diameter=survey.dish_diameter)
         n_degrees = windows.telescope.shape[1]
         if n_degrees <= survey.lmax:

@@ -25,13 +25,7 @@ class _OfBand(Beam):
     )
 
     def chosen_for(self, freqs):
-        """The same beam with the band that holds `freqs`, MHz.
-
-        Raises
-        ------
-        InputError
-            None does, or both do and none is named; or katbeam is not installed.
-        """
+        """The same beam with the band that holds `freqs`, MHz; InputError where that is none or not known."""
         limits = {band: _model(band).freqMHzlist[[0, -1]] for band in _BANDS}
         wanted = _BANDS if self.band == _ANY else [self.band]
         fit = [band for band in wanted if limits[band][0] <= min(freqs) and max(freqs) <= limits[band][1]]
@@ -44,10 +38,6 @@ class _OfBand(Beam):
             raise InputError(f"{came}, which both bands hold, with different widths: give {names}.")
         way_out = "leave out the channels beyond, or give a file of widths"
         raise InputError(f"{came}: beyond the nodes of {' or '.join(wanted)} nothing is known; {way_out}.")
-
-    def _model_of(self, freqs):
-        """katbeam's model for `freqs`, MHz; the same object for the same band."""
-        return _model(self.chosen_for(freqs).band)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +53,7 @@ class MeerKAT(_OfBand, GaussianBeam):
     name: ClassVar[str] = "meerkat"
 
     def _fwhm(self, freqs, dish_diameter):
-        model, radius, widths = self._model_of(freqs), np.linspace(0, 3, 601), []  # deg
+        model, radius, widths = _model(self.chosen_for(freqs).band), np.linspace(0, 3, 601), []  # deg
         for freq in freqs:
             power = _stokes_i(model, freq, radius, 36)
             below = int(np.argmax(power < power[0] / 2))
@@ -88,7 +78,7 @@ class MeerKATLobes(_OfBand):
     name: ClassVar[str] = "meerkat_lobes"
 
     def _windows(self, freqs, lmax, dish_diameter):
-        model = self._model_of(freqs)
+        model = _model(self.chosen_for(freqs).band)
         return Windows(telescope=np.array([_window(model, float(freq), lmax) for freq in freqs]))
 
 

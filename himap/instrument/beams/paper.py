@@ -99,10 +99,10 @@ class Oscillating(GaussianBeam):
     ripple: str = parameter("bracket", f"reading of the ripple: {', '.join(RIPPLES)}", choices=tuple(RIPPLES))
 
     def _fwhm(self, freqs, dish_diameter):
-        wave = np.sin(2 * np.pi * freqs / _PERIOD)
         if self.ripple in _ARCMIN:
+            wave = np.sin(2 * np.pi * freqs / _PERIOD)
             return diffraction_fwhm(freqs, dish_diameter) + np.deg2rad(_ARCMIN[self.ripple] / 60) * wave
-        return _fwhm_with_ripple(freqs, dish_diameter, 0.1 / 60 * wave)
+        return Rippled()._fwhm(freqs, dish_diameter)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,18 +124,13 @@ class Rippled(GaussianBeam):
     phase: float = parameter(0.0, "at 0 MHz, rad")
 
     def _fwhm(self, freqs, dish_diameter):
+        low, high = _MATSHAWULE_RANGE
+        if freqs.min() < low or freqs.max() > high:
+            raise InputError(
+                f"the oscillating beam is measured from {low:.0f} to {high:.0f} MHz and diverges beyond; got "
+                f"channels from {freqs.min():g} to {freqs.max():g} MHz. Narrow the band, or use "
+                "ripple='additive'."
+            )
         wave = np.sin(2 * np.pi * freqs / self.period + self.phase)
-        return _fwhm_with_ripple(freqs, dish_diameter, self.amplitude / 60 * wave)
-
-
-def _fwhm_with_ripple(freqs, dish_diameter, ripple):
-    """lambda / D [sum_d a_d nu^d + ripple], rad."""
-    low, high = _MATSHAWULE_RANGE
-    if freqs.min() < low or freqs.max() > high:
-        raise InputError(
-            f"the oscillating beam is measured from {low:.0f} to {high:.0f} MHz and diverges beyond; got "
-            f"channels from {freqs.min():g} to {freqs.max():g} MHz. Narrow the band, or use "
-            "ripple='additive'."
-        )
-    factor = np.polynomial.polynomial.polyval(freqs, _MATSHAWULE) + ripple
-    return diffraction_fwhm(freqs, dish_diameter) * factor
+        factor = np.polynomial.polynomial.polyval(freqs, _MATSHAWULE) + self.amplitude / 60 * wave
+        return diffraction_fwhm(freqs, dish_diameter) * factor

@@ -13,7 +13,7 @@ from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
-from himap.removal.sdecgmca.scales import PIXELS, Scales
+from himap.removal.sdecgmca.scales import Scales
 from himap.removal.separation import ordered
 from himap.removal.spectral_filter import on_sky, seen_through, through_beams
 
@@ -35,16 +35,15 @@ class Step:
 
     Attributes
     ----------
-    mixing
-        A, columns of unit length, (n_channels, n_sources).
-    sources
-        S after its thresholds, real modes (n_sources, (lmax + 1)^2).
-    refining
-        False in the warm-up.
-    change
-        Relative change of S, NaN at the first iteration.
-    converged
-        Whether that is below the tolerance of its stage.
+    mixing, sources
+        A, (n_channels, n_sources), columns of unit length; S after its thresholds, real modes.
+    refining, change, converged
+        Whether it is in the refinement; the relative change of S, NaN at first; whether that is below the
+        tolerance of its stage.
+    diagnostics
+        Of the last one, else None: "n_warmup", "n_refinement", iterations of each stage; "warmup_change",
+        "refinement_change", the last relative change of S in it; "condition", the condition number of A;
+        "cost", the paper's cost function, mK^2, with thresholds of `n_sigma` times the noise of each scale.
     """
 
     mixing: np.ndarray
@@ -52,26 +51,7 @@ class Step:
     refining: bool
     change: float
     converged: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fit:
-    """A and the thresholded S after the last iteration.
-
-    Attributes
-    ----------
-    mixing, sources, converged
-        As of the last `Step`.
-    diagnostics
-        "n_warmup", "n_refinement": iterations of each stage; "warmup_change", "refinement_change": the last
-        relative change of S in it; "condition": the condition number of A; "cost": the paper's cost function,
-        mK^2, with thresholds of `n_sigma` times the noise of each scale.
-    """
-
-    mixing: np.ndarray
-    sources: np.ndarray
-    converged: bool
-    diagnostics: dict
+    diagnostics: dict | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +81,6 @@ class SDecGMCA(ForegroundRemover):
 
     name: ClassVar[str] = "sdecgmca"
     uses: ClassVar[frozenset] = frozenset({"beams", "noise", "sphere"})
-    ends_by_count: ClassVar[bool] = True
     n_sources: int = parameter(3, "number of sources, n_s", minimum=1)
     regularisation: float = parameter(1e-3, "strength c of the Tikhonov term", minimum=0)
     share: float = parameter(
@@ -125,7 +104,7 @@ class SDecGMCA(ForegroundRemover):
     last_coefficients: str = _option("last_coefficients")
     beyond: str = _option("beyond")
     pixels: str = parameter(
-        "grid", "where thresholds work: grid (exact transforms) or healpix", choices=tuple(PIXELS)
+        "grid", "where thresholds work: grid (exact transforms) or healpix", choices=("grid", "healpix")
     )
     noise: float | tuple | None = parameter(
         None, "noise per pixel, mK, or one for each channel; that of the instrument unless given"
@@ -139,10 +118,6 @@ class SDecGMCA(ForegroundRemover):
     last_tolerance: float = parameter(
         None, "relative change that ends the turns of the last S; as the reading has it", minimum=0
     )
-
-    @property
-    def ends(self):
-        return self.beyond == "cut"
 
     def __post_init__(self):
         given = {name: getattr(self, name) for name in (*OPTIONS, "last_tolerance")}
@@ -166,40 +141,48 @@ class SDecGMCA(ForegroundRemover):
 
     @property
     def iteration(self):
-        """This method without what is chosen of the last S: methods that agree in it share their `Fit`."""
+        """This method without what is chosen of the last S: methods that agree in it share their `fit`."""
         common = {name: READINGS["letter"][name] for name in (*_OF_LAST_SOURCES, "last_tolerance")}
         return replace(self, reading="letter", **common)
 
     def fit(self, data):
-        """The `Fit` of the `Data` of a sphere, made once for all methods with the same `iteration`."""
+        """The last `Step` of the `Data` of a sphere, made once for all methods with the same `iteration`."""
         return data.get_or_compute(self.iteration, lambda: self._fit(data))
 
     def _fit(self, data):
         (mixture, scales, start), stages = self.problem(data), {}
         for step in self.iterate(mixture, scales, start):
             stages.setdefault(step.refining, []).append(step.change)
-        return Fit(
-            mixing=step.mixing,
-            sources=step.sources,
-            converged=step.converged,
-            diagnostics={
-                "n_warmup": len(stages[False]),
-                "n_refinement": len(stages[True]),
-                "warmup_change": stages[False][-1],
-                "refinement_change": stages[True][-1],
-                "condition": float(np.linalg.cond(step.mixing)),
-                "cost": self._cost(mixture, scales, step),
-            },
-        )
+        diagnostics = {
+            "n_warmup": len(stages[False]),
+            "n_refinement": len(stages[True]),
+            "warmup_change": stages[False][-1],
+            "refinement_change": stages[True][-1],
+            "condition": float(np.linalg.cond(step.mixing)),
+            "cost": self._cost(mixture, scales, step),
+        }
+        return replace(step, diagnostics=diagnostics)
 
     def problem(self, data):
         """Where `fit` of the `data` starts: `BlurredMixture`, `Scales`, and A, perturbed by `restart`."""
-        mixture = self._mixture(data, self._lmax(data))
+        nside = sphere.nside_of(data.maps)
+        mixture = self._mixture(data, min(self.lmax, 2 * nside, data.beams.shape[1] - 1))
         start = mixture.start(self.n_sources, self.start_channel)
         if self.restart:
             normal = np.random.default_rng(self.restart).standard_normal(start.shape)
             start = start * (1 + _PERTURBATION * normal)
-        return mixture, Scales.of(self, mixture.lmax, sphere.nside_of(data.maps)), start
+        return mixture, Scales(self, mixture.lmax, nside), start
+
+    def _mixture(self, data, lmax):
+        """The `BlurredMixture` of the data up to `lmax`."""
+        noise = data.noise if self.noise is None else self.noise
+        beams = data.beams / data.beams.max(axis=0) if self.resolution == "best" else data.beams
+        return BlurredMixture(
+            data.modes.upto(lmax),
+            beams[:, : lmax + 1],
+            noise=None if noise is None else noise_per_mode(noise, *data.maps.shape),
+            floor=self.floor,
+        )
 
     def _cost(self, mixture, scales, step):
         """The paper's cost function of A and S, mK^2: misfit, and coefficients times their thresholds."""
@@ -208,35 +191,16 @@ class SDecGMCA(ForegroundRemover):
         misfit = np.sum(mixture.residual(step.mixing, step.sources) ** 2)
         return float(misfit + scales.penalty(mixture, inverses, step.sources))
 
-    def _lmax(self, data):
-        """Largest multipole of the inversion."""
-        return min(self.lmax, 2 * sphere.nside_of(data.maps), data.beams.shape[1] - 1)
-
-    def _windows(self, beams):
-        """H of every channel, (n_channels, n_l)."""
-        return beams / beams.max(axis=0) if self.resolution == "best" else beams
-
-    def _mixture(self, data, lmax):
-        """The `BlurredMixture` of the data up to `lmax`."""
-        noise = data.noise if self.noise is None else self.noise
-        return BlurredMixture(
-            data.modes.upto(lmax),
-            self._windows(data.beams)[:, : lmax + 1],
-            noise=None if noise is None else noise_per_mode(noise, *data.maps.shape),
-            floor=self.floor,
-        )
-
     def _separate(self, data):
-        fit, nside, beams = self.fit(data), sphere.nside_of(data.maps), self._windows(data.beams)
-        lmax = self._lmax(data)
-        top = min(3 * nside, beams.shape[1]) - 1 if self.beyond == "regularised" else lmax
-        mixture = self._mixture(data, top)
-        mixture = replace(mixture, floor=self.last_floor)
-        sources, epsilon = self.last_sources(mixture, Scales.of(self, lmax, nside), fit.mixing, fit.sources)
+        fit, nside = self.fit(data), sphere.nside_of(data.maps)
+        lmax = math.isqrt(fit.sources.shape[1]) - 1
+        top = min(3 * nside, data.beams.shape[1]) - 1 if self.beyond == "regularised" else lmax
+        mixture = replace(self._mixture(data, top), floor=self.last_floor)
+        sources, epsilon = self.last_sources(mixture, Scales(self, lmax, nside), fit.mixing, fit.sources)
         if self.beyond != "projection":
             low_rank = on_sky(seen_through(sources, fit.mixing, mixture.beams), nside)
         else:  # all l by projection, and up to lmax what the last S is more than that
-            low_rank = through_beams(data.centred, fit.mixing, beams, data.modes)
+            low_rank = through_beams(data.centred, fit.mixing, data.beams, data.modes)
             if self.last != "unregularised":
                 more = sources - mixture.sources(mixture.least_squares(fit.mixing))
                 low_rank += on_sky(seen_through(more, fit.mixing, mixture.beams), nside)
@@ -247,31 +211,22 @@ class SDecGMCA(ForegroundRemover):
             sources=sphere.synthesise(harmonic.from_modes(sources), nside),
             converged=fit.converged,
             n_iterations=fit.diagnostics["n_warmup"] + fit.diagnostics["n_refinement"],
-            lmax=lmax if self.ends else None,
+            lmax=lmax if self.beyond == "cut" else None,
             diagnostics=fit.diagnostics | {"floored": mixture.floored(fit.mixing, epsilon)},
         )
 
     def iterate(self, mixture, scales, mixing, *, done=0):
         """The `Step` of every iteration in turn: warm-up, then refinement (paper, Sect. 3.3).
 
-        Parameters
-        ----------
-        mixture, scales
-            `BlurredMixture` and `Scales`.
-        mixing
-            A at the start, (n_channels, n_sources).
-        done
-            Iterations of the warm-up that led to this A; in the warm-up A is all that the next one needs.
+        Of a `BlurredMixture` with `Scales`, from A, (n_channels, n_sources), to which `done` iterations of
+        the warm-up led; there A is all that the next one needs.
         """
         window = scales.detail if self.mixing_scales == "detail" else np.ones(mixture.lmax + 1)
-        sources = None
-        for refining in (False, True):
-            least, tolerance = (
-                (self.n_refinement, self.tolerance) if refining else (self.n_warmup, self.warmup_tolerance)
-            )
-            memory = scales.empty_memory(mixing.shape[1]) if refining and self.reweighted else None
-            most = max(least, _MOST_MORE) if refining else least + _MOST_MORE
-            counts = range(1 if refining else 1 + done, most + 1)
+        sources, stages = None, ((False, self.n_warmup), (True, self.n_refinement))
+        for refining, least in stages:
+            tolerance = self.tolerance if refining else self.warmup_tolerance
+            counts = range(1, _MOST_MORE + 1) if refining else range(1 + done, least + _MOST_MORE + 1)
+            memory = None
             for count in progress(counts, "refinement" if refining else "warm-up"):
                 share = self.share if refining else min(self.share / least * count, self.share)
                 if refining and self.coefficients == "spectrum":
@@ -279,7 +234,8 @@ class SDecGMCA(ForegroundRemover):
                 else:
                     epsilon = mixture.epsilon_of_matrices(mixing, self.regularisation)
                 inverses, last = mixture.inverses(mixing, epsilon), sources
-                sources, memory = scales.threshold(mixture, inverses, share, memory)
+                sources, coefficients = scales.threshold(mixture, inverses, share, memory)
+                memory = coefficients if refining and self.reweighted else None
                 mixing = self._unit_columns(
                     mixture.fit(sources * window[harmonic.degrees(mixture.lmax)], window), mixing
                 )
@@ -299,20 +255,11 @@ class SDecGMCA(ForegroundRemover):
         return np.where(length > 0, mixing / np.where(length > 0, length, 1), last)
 
     def last_sources(self, mixture, scales, mixing, sources):
-        """S of the last A (paper, Eq. 23).
+        """S of the last A (paper, Eq. 23), real modes, and the epsilon behind it, (n_l, n_sources or 1).
 
-        Parameters
-        ----------
-        mixture, scales
-            `BlurredMixture`, whose `floor` is that of the last S, and `Scales`.
-        mixing, sources
-            A, and S of the last iteration up to its own lmax; where `mixture` goes further, epsilon is that
-            of strategy #3 there unless S takes several turns.
-
-        Returns
-        -------
-        sources, epsilon
-            Real modes (n_sources, (lmax + 1)^2), and the epsilon behind them, (n_l, n_sources or 1).
+        `sources` are those of the last iteration up to their own lmax; where `mixture`, a `BlurredMixture`
+        with the floor of the last S, goes further, epsilon is that of strategy #3 there unless S takes
+        several turns.
         """
         if self.last == "unregularised":
             epsilon = np.zeros((mixture.lmax + 1, 1))
@@ -330,9 +277,8 @@ class SDecGMCA(ForegroundRemover):
                 epsilon = mixture.epsilon_of_spectra(last, self.regularisation)
             if self.last == "thresholded":
                 inverses = mixture.inverses(mixing, epsilon)
-                sources, memory = scales.threshold(mixture, inverses, 1.0, memory)
-                if count == 0 and self.reweighted:
-                    memory = scales.empty_memory(len(sources))
+                sources, coefficients = scales.threshold(mixture, inverses, 1.0, memory)
+                memory = coefficients if count and self.reweighted else None
             else:
                 sources = mixture.sources(mixture.inverses(mixing, epsilon))
             # The first S is that of strategy #3, which the turns only start from.

@@ -20,151 +20,91 @@ _BINS = 1 << (64 - _BITS)
 _SIGN = np.int64(-(2**63))
 
 
-class Grid:
-    """Pixels of a grid for the thresholds: rings of nearly equal areas with an exact quadrature."""
-
-    def __init__(self, lmax, nside):
-        self.lmax = lmax
-
-    def synthesise(self, alm):
-        """Field of coefficients of any smaller lmax, (n_alm,) to (n_pix,)."""
-        return sphere.synthesise_grid(alm, self.lmax)
-
-    def analyse(self, field):
-        """Real modes of a field, (n_pix,) to ((lmax + 1)^2,)."""
-        return harmonic.to_modes(sphere.analyse_grid(field, self.lmax))
-
-
-class HEALPix:
-    """Pixels of the maps; their quadrature is refined as in healpy's map2alm, which C21's code uses."""
-
-    def __init__(self, lmax, nside):
-        self.lmax, self.nside = lmax, nside
-
-    def synthesise(self, alm):
-        """As `Grid.synthesise`."""
-        return sphere.synthesise(np.asarray(alm, dtype=complex), self.nside)
-
-    def analyse(self, field):
-        """As `Grid.analyse`."""
-        return harmonic.to_modes(sphere.analyse(field, self.lmax, n_iter=_N_ITER))
-
-
-PIXELS = {"grid": Grid, "healpix": HEALPix}
-
-
 class Scales:
     """Soft thresholds on the detail scales of sources given as real modes.
 
     Parameters
     ----------
-    lmax, n_scales
-        Largest multipole, and number of detail scales.
-    pixels
-        A `Grid` or `HEALPix`.
-    wavelets
-        As `low_passes` has it.
-    n_sigma
-        k: a coefficient below k times the noise of its scale is noise.
-    least_kept
-        Of the others a share is kept, but at least so many.
-    analytic
-        Whether the noise is that of the instrument; else the median absolute deviation of the scale.
+    method
+        The `SDecGMCA`, whose parameters name the scales, their noise and their pixels. "grid" are rings of
+        nearly equal areas with an exact quadrature; that of "healpix" is refined as in healpy's map2alm,
+        which C21's code uses.
+    lmax, nside
+        Largest multipole, and that of HEALPix pixels.
     """
 
-    def __init__(self, lmax, n_scales, *, pixels, wavelets, n_sigma, least_kept, analytic):
-        self.pixels, self.n_sigma, self.least_kept, self.analytic = pixels, n_sigma, least_kept, analytic
-        self.low_passes = low_passes(n_scales, lmax, wavelets)
+    def __init__(self, method, lmax, nside):
+        self.lmax, self.nside = lmax, nside if method.pixels == "healpix" else None
+        self.n_sigma, self.least_kept = method.n_sigma, method.least_kept
+        self.analytic = method.thresholds == "analytic"
+        self.low_passes = low_passes(method.n_scales, lmax, method.wavelets)
         self.detail = 1 - self.low_passes[-1]
         self.bands = -np.diff(np.vstack([np.ones(lmax + 1), self.low_passes]), axis=0)
         degree = sphere.alm_degree(lmax)
         kept = [degree <= np.flatnonzero(low_pass).max(initial=0) for low_pass in self.low_passes]
         self._filters = [(k, row[degree[k]]) for k, row in zip(kept, self.low_passes, strict=True)]
 
-    @classmethod
-    def of(cls, method, lmax, nside, pixels=None):
-        """Those of an `SDecGMCA`, on its pixels (a name in `PIXELS`) unless others are given."""
-        return cls(
-            lmax,
-            method.n_scales,
-            pixels=PIXELS[pixels or method.pixels](lmax, nside),
-            wavelets=method.wavelets,
-            n_sigma=method.n_sigma,
-            least_kept=method.least_kept,
-            analytic=method.thresholds == "analytic",
-        )
-
     def threshold(self, mixture, inverses, share, memory=None):
-        """`__call__` of the sources of a `BlurredMixture` and their noise."""
-        noise = mixture.source_noise(inverses) if self.analytic else None
-        return self(mixture.sources(inverses), noise, share, memory)
+        """Sources after the thresholds, with their smooth scale, and their coefficients.
 
-    def __call__(self, sources, noise, share, memory=None):
-        """Sources after the thresholds, with their smooth scale, and the new memory.
-
-        Parameters
-        ----------
-        sources
-            Real modes, (n_sources, (lmax + 1)^2).
-        noise
-            Variance of the noise of each source per mode, (n_l, n_sources); None without `analytic`.
-        share
-            Of the coefficients above the noise, the largest `share` stay; 1 keeps them all.
-        memory
-            Thresholded coefficients of the last iteration, (n_sources, n_scales, n_pix): the threshold of a
-            coefficient is divided by 1 + |its last value| / (k noise) (Candes et al. 2008), so that large
-            ones lose less. None for plain thresholds; zeros at the start.
-
-        Returns
-        -------
-        sources, memory
-            In the shapes of those given; the memory is None without one.
+        The sources are those that `inverses`, P_l, make of a `BlurredMixture`; the result are real modes,
+        (n_sources, (lmax + 1)^2), and for each source an array (n_scales, n_pix). Of the coefficients above
+        the noise the largest `share` stay; 1 keeps them all. With a `memory`, the coefficients of the last
+        iteration, a threshold is divided by 1 + |last value| / (k noise) (Candes et al. 2008), so that large
+        ones lose less.
         """
-        kept = np.empty_like(sources)
-        updated = None if memory is None else np.empty_like(memory)
-        levels = noise_of_scales(self.bands, noise).T if self.analytic else [None] * len(sources)
-        for n, (alm, level) in enumerate(zip(harmonic.from_modes(sources), levels, strict=True)):
+        sources, coefficients = [], []
+        for n, (alm, level) in enumerate(self._with_levels(mixture, inverses)):
             *scales, smooth = self._decompose(alm)
             for j, scale in enumerate(scales):
-                last = scale if memory is None else memory[n, j]
+                last = scale if memory is None else memory[n][j]
                 shrink(scale, self._cut(scale, level, j), share, self.least_kept, last, memory is not None)
-            scales = np.array(scales)
-            kept[n] = self.pixels.analyse(scales.sum(axis=0) + smooth)
-            if updated is not None:
-                updated[n] = scales
-        return kept, updated
+            coefficients.append(np.array(scales))
+            field = coefficients[-1].sum(axis=0) + smooth
+            if self.nside is None:
+                after = sphere.analyse_grid(field, self.lmax)
+            else:
+                after = sphere.analyse(field, self.lmax, n_iter=_N_ITER)
+            sources.append(harmonic.to_modes(after))
+        return np.array(sources), coefficients
 
     def penalty(self, mixture, inverses, kept):
         """Sum of |coefficients| of thresholded sources times their lowest thresholds, mK^2.
 
         `kept` are those sources, real modes; the thresholds are of the sources that `inverses` make.
         """
-        noise = mixture.source_noise(inverses) if self.analytic else None
-        levels = noise_of_scales(self.bands, noise).T if self.analytic else [None] * len(kept)
-        total, modes = 0.0, (mixture.sources(inverses), kept)
-        for alm, alm_kept, level in zip(*map(harmonic.from_modes, modes), levels, strict=True):
-            pairs = list(zip(self._decompose(alm), self._decompose(alm_kept), strict=True))[:-1]
-            for j, (scale, scale_kept) in enumerate(pairs):
+        total = 0.0
+        pairs = zip(self._with_levels(mixture, inverses), harmonic.from_modes(kept), strict=True)
+        for (alm, level), alm_kept in pairs:
+            *scales, _ = zip(self._decompose(alm), self._decompose(alm_kept), strict=True)
+            for j, (scale, scale_kept) in enumerate(scales):
                 total += self._cut(scale, level, j) * np.abs(scale_kept).mean()
         return 4 * np.pi * total
 
+    def _with_levels(self, mixture, inverses):
+        """Pairs of each source and its noise by scale, or None where that follows from the scale itself."""
+        alms = harmonic.from_modes(mixture.sources(inverses))
+        if not self.analytic:
+            return [(alm, None) for alm in alms]
+        return list(zip(alms, noise_of_scales(self.bands, mixture.source_noise(inverses)).T, strict=True))
+
     def _decompose(self, alm):
         """Detail scales of a source, fine to coarse, and its smooth scale, each (n_pix,)."""
-        finer = self.pixels.synthesise(alm)
+        finer = self._synthesise(alm)
         for band, low_pass in self._filters:
-            smooth = self.pixels.synthesise(alm[band] * low_pass)
+            smooth = self._synthesise(alm[band] * low_pass)
             yield finer - smooth
             finer = smooth
         yield finer
 
-    def _cut(self, scale, level, j):
-        """k times the noise of detail scale `j`: by its deviation where the noise of the scales is None."""
-        return self.n_sigma * (deviation(scale) if level is None else level[j])
+    def _synthesise(self, alm):
+        if self.nside is None:
+            return sphere.synthesise_grid(alm, self.lmax)
+        return sphere.synthesise(alm, self.nside)
 
-    def empty_memory(self, n_sources):
-        """A memory of nothing, (n_sources, n_scales, n_pix)."""
-        n_pix = len(self.pixels.synthesise(np.zeros(1)))
-        return np.zeros((n_sources, len(self.low_passes), n_pix))
+    def _cut(self, scale, level, j):
+        """k times the noise of detail scale `j`."""
+        return self.n_sigma * (deviation(scale) if level is None else level[j])
 
 
 def low_passes(n_scales, lmax, kind):
@@ -227,19 +167,10 @@ def deviation(scale):
 
 @njit(cache=True)
 def shrink(scale, cut, share, least_kept, last, reweighted):
-    """Soft threshold of one scale (n_pix,) in place; a coefficient equal to the threshold stays.
+    """Soft threshold of the coefficients of one scale (n_pix,) in place; one equal to the threshold stays.
 
-    Parameters
-    ----------
-    scale
-        Coefficients.
-    cut
-        k times the noise: a coefficient below is noise.
-    share, least_kept
-        Of the others the largest `share` stay, and at least `least_kept` of all; a share of 1 keeps them all.
-    last, reweighted
-        Coefficients of the last iteration, (n_pix,), which divide the threshold by 1 + |last| / cut; without
-        `reweighted` they are not looked at.
+    Below `cut`, k times the noise, they are noise; of the others the largest `share` stay, and at least
+    `least_kept` of all. Where `reweighted`, the threshold is divided by 1 + |last| / cut.
     """
     sizes = np.abs(scale)
     threshold = cut
