@@ -8,8 +8,7 @@ means that the alternative takes longer. Times depend on the machine, ratios les
 
 import click
 
-from benchmarks.__main__ import line_of
-from benchmarks.cases import case_options
+from benchmarks.__main__ import case_options, line_of
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS, prepare, step_of
 from himap import removal

@@ -1,7 +1,5 @@
 """Work on a cube block by block, several blocks at a time."""
 
-import threading
-
 import numpy as np
 import pytest
 
@@ -17,20 +15,6 @@ N_PIX = 12 * 32**2  # three blocks of the peak masking
 @pytest.fixture
 def three_threads(monkeypatch):
     monkeypatch.setattr(sphere, "n_threads", lambda: 3)
-
-
-def test_results_come_in_the_order_of_blocks(three_threads):
-    """Although the first block waits for the last."""
-    last_is_done = threading.Event()
-
-    def work(block):
-        if block.start == 0:
-            assert last_is_done.wait(10), "the blocks came one after the other"
-        elif block.start == 8:
-            last_is_done.set()
-        return block.start
-
-    assert low_rank.in_threads(work, 10, "", 4) == [0, 4, 8]
 
 
 def test_what_one_block_raises_is_raised(three_threads):

@@ -85,7 +85,7 @@ def test_galleries_lead_to_every_figure(html, book):
             assert picture.width == 320
 
 
-def test_status_page_says_how_each_notebook_was_executed(html, book):
+def test_status_page_says_what_made_each_notebook_and_stored_result(html, book):
     page = book[html / "book" / "status.html"]
     rows = [re.sub(r"<[^>]+>", " ", row).split() for row in re.findall(r"<tr.*?</tr>", page, re.S)]
     for path in (ROOT / "notebooks").glob("[0-9]*.py"):
@@ -93,11 +93,6 @@ def test_status_page_says_how_each_notebook_was_executed(html, book):
         assert row[1] == "fresh" and re.fullmatch(r"[\d.]+", row[2]) and row[-1] != "edits"
     for name in ("python", "numpy", "healpy", "ducc0", "jupyter-book"):
         assert [row for row in rows if row[0] == name and re.match(r"\d+\.\d+", row[-1])], name
-
-
-def test_status_page_says_what_made_each_stored_result(html, book):
-    page = book[html / "book" / "status.html"]
-    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in re.findall(r"<tr.*?</tr>", page, re.S)]
     for one in stored_results():
         (row,) = [row for row in rows if row[0] == one.name]
         assert row[1] in ({"fresh", "stale:"} if one.codes else {"timing"})

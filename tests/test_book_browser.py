@@ -1,9 +1,6 @@
 """What a reader does in a browser: plays with figures, enlarges them, reads text and tables in any light."""
 
-import csv
-import io
 import re
-from collections import defaultdict
 from contextlib import suppress
 from pathlib import Path
 
@@ -107,10 +104,7 @@ def played(visit):
 def numbers(name):
     """{panel: {curve: {x: y}}} of a figure."""
     (figure,) = [one for one in figures(ROOT / "notebooks" / f"{PLAYED[name]}.ipynb") if one.name == name]
-    found = defaultdict(lambda: defaultdict(dict))
-    for row in csv.DictReader(io.StringIO(figure.data["csv"].decode())):
-        found[row["panel"]][row["curve"]][float(row["x"])] = float(row["y"])
-    return found
+    return {panel: {one: dict(xy) for one, xy in many.items()} for panel, many in figure.curves.items()}
 
 
 def said(figure):
@@ -311,11 +305,14 @@ def test_pages_show_no_tolerance_and_few_digits(html, visit):
     assert not [path for path in html.rglob("*.html") if re.search(r"<td[^>]*>[^<]*±", path.read_text())]
 
 
-def test_search_says_where_and_its_icon_is_beside(visit):
-    page = visit("search.html?q=ripple", viewport=DESK)
+def test_search_finds_a_method_and_says_where(visit):
+    """The icon is beside the words."""
+    page = visit("search.html?q=SDecGMCA", viewport=DESK)
     page.wait_for_selector("#search-results p.context")
+    assert page.locator("#search-results li a", has_text="SDecGMCA").count() >= 1
     snippets = page.locator("#search-results p.context").all_text_contents()
-    assert all("ripple" in one.lower() for one in snippets[:3]) and not any(".pdf" in one for one in snippets)
+    assert all("sdecgmca" in one.lower() for one in snippets[:3])
+    assert not any(".pdf" in one for one in snippets)
     icon = page.locator(".bd-search-container .fa-magnifying-glass").bounding_box()
     box = page.locator(".bd-search-container input")
     padding = float(box.evaluate("one => parseFloat(getComputedStyle(one).paddingLeft)"))
@@ -337,12 +334,6 @@ def test_equations_are_typeset(visit):
     page.wait_for_selector("mjx-container")
     count = {name: page.locator(name).count() for name in (".math", "mjx-container", "mjx-merror")}
     assert count[".math"] == count["mjx-container"] > 5 and count["mjx-merror"] == 0
-
-
-def test_search_finds_a_method(visit):
-    page = visit("search.html?q=SDecGMCA")
-    page.wait_for_selector("#search-results li a")
-    assert page.locator("#search-results li a", has_text="SDecGMCA").count() >= 1
 
 
 def test_dark_mode_goes_on_and_off(visit):

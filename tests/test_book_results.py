@@ -16,7 +16,6 @@ from himap.app.stored_tables import (
     endurance_table,
     ledgers_table,
     pictures,
-    short,
     steps_table,
     verdicts_table,
 )
@@ -202,19 +201,19 @@ def test_ledgers_stand_side_by_side():
         "✓ 0.25",
     ] and rows[2][3:] == 2 * ["– does not apply"]
     assert last[3:] == ["✓ 1 · ✗ 1 · – 1", "✓ 2 · – 1"]
-
-
-def test_some_claims_of_ledgers():
-    columns = [ledger_of(FAILED), ledger_of(REPRODUCED)]
     ((_, *rows),) = tables(ledgers_table(columns, lambda judged: judged[0].claim.id == "O3"))
     assert [row[0].strip("*") for row in rows] == ["O3"]
-
-
-def test_an_older_ledger_may_lack_a_claim():
-    (entries, about), older = ledger_of(FAILED), ledger_of(REPRODUCED)
-    ((_, *rows, last),) = tables(ledgers_table([(entries, about), (older[0][:1], about)]))
-    assert [row[4] for row in rows] == ["✓ 0.25", "not judged", "not judged"]
-    assert last[4] == "✓ 1"
+    older = columns[1][0][:1], columns[1][1]  # it may lack a claim
+    ((_, *rows, last),) = tables(ledgers_table([columns[0], older]))
+    assert [row[4] for row in rows] == ["✓ 0.25", "not judged", "not judged"] and last[4] == "✓ 1"
+    ((_, *rows),) = tables(verdicts_table(columns))
+    assert [row[1:] for row in rows] == [
+        ["1 sky", "1", "0", "0", "1", "1"],
+        ["1 sky", "2", "0", "0", "0", "1"],
+    ]
+    parts = [entry(IN_PART, IN_PART), entry(*[REPRODUCED] * 9, FAILED, id="O3")]
+    ((_, *rows, _),) = tables(ledgers_table([(parts, columns[0][1])]))
+    assert [row[3].partition("<br>")[2] for row in rows] == ["holds in: SD a 0%", ""]
 
 
 def test_what_ledgers_have_in_common_is_said_once():
@@ -227,22 +226,6 @@ def test_what_ledgers_have_in_common_is_said_once():
     real = about | {"preset": "laptop", "galaxy": "templates (nside 64)"}
     ((head, *_),) = tables(ledgers_table([(entries, about), (entries, real)]))
     assert head[3:] == ["ci, synthetic Galaxy, 1 sky", "half size, real Galaxy, 1 sky"]
-
-
-def test_parts_that_do_not_hold_are_named_with_their_share():
-    entries = [entry(IN_PART, IN_PART), entry(*[REPRODUCED] * 9, FAILED, id="O3")]
-    ((_, *rows, _),) = tables(
-        ledgers_table([(entries, MADE | {"overrides": [], "version": "1", "packages": []})])
-    )
-    assert [row[3].partition("<br>")[2] for row in rows] == ["holds in: SD a 0%", ""]
-
-
-def test_verdicts_of_ledgers_are_counted():
-    ((_, *rows),) = tables(verdicts_table([ledger_of(FAILED), ledger_of(IN_PART)]))
-    assert [row[1:] for row in rows] == [
-        ["1 sky", "1", "0", "0", "1", "1"],
-        ["1 sky", "1", "1", "0", "0", "1"],
-    ]
 
 
 def test_every_figure_is_shown_with_what_made_it():
@@ -277,10 +260,6 @@ def test_what_is_not_stored_is_told(tmp_path):
     (tmp_path / "steps_quick.json").write_text("{")
     with pytest.raises(InputError, match="steps_quick.json is not a stored result"):
         read_stored("steps_quick", tmp_path)
-
-
-def test_short_numbers():
-    assert [short(567.68, 3), short(0.0312), short(12345.0)] == ["568", "0.031", "12,000"]
 
 
 def test_pictures_lead_to_themselves_in_full_size(html):

@@ -58,8 +58,6 @@ class TestWrite:
         record = stored(path)
         assert record.seeds == [7, 8] and record.about["code"] == measuring_code("claims")
         assert record.made.preset == "ci" and dict(record.about["overrides"])["n_realisations"] == 2
-
-    def test_finer_maps_have_no_remark(self, himap_command, seen):
         code, out, _ = himap_command(*CLAIMS[:-1], "laptop", "-p", "n_realisations=2", "-p", "nside=128")
         assert code == 0 and "Too coarse" not in out
 
@@ -144,23 +142,13 @@ class TestCheckAndGrow:
 
     def test_what_a_chaotic_method_gave_once_is_not_compared(self, himap_command, monkeypatch):
         ratios = iter([1.0, 2.0])
-        curve = {
-            "beam": "evolving",
-            "n_sources": 3,
-            "corrected": False,
-            "kind": "angular",
-            "low": 2,
-            "high": 9,
-        }
+        curve = {"beam": "evolving", "n_sources": 3, "corrected": False, "kind": "angular", "low": 2}
+        curve |= {"high": 9, "step": 1.0}
 
         def table(self, skies):
-            rows = [
-                {"seed": skies[0].survey.seed, "high": 9, "step": 1.0}
-                | curve
-                | {"method": method, "ratio": ratio}
-                for method, ratio in (("pca", 1.0), ("sdecgmca", next(ratios)))
-            ]
-            return self.frame(rows)
+            both = {"pca": 1.0, "sdecgmca": next(ratios)}
+            rows = [curve | {"method": method, "ratio": ratio} for method, ratio in both.items()]
+            return self.frame([{"seed": skies[0].survey.seed} | row for row in rows])
 
         monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
         monkeypatch.setattr(Experiment, "table", table)

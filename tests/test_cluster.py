@@ -12,8 +12,6 @@ import pytest
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
-from himap.removal.base import SeparationWarning
-from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
 from himap.store import cache
 from himap.store.parallel import DASK_VARIABLE, check_scheduler, make_all
@@ -37,24 +35,6 @@ def cluster():
 @pytest.fixture
 def address(cluster, monkeypatch):
     monkeypatch.setenv(DASK_VARIABLE, cluster.scheduler_address)
-
-
-def test_the_same_results_as_without(address, monkeypatch, tmp_path):
-    found = []
-    for folder in ("with", "without"):
-        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / folder))
-        assert make_all(cleaned.assessment, CALLS, "test") == len(CALLS)
-        assert make_all(cleaned.assessment, CALLS, "test") == 0
-        found.append([cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS])
-        monkeypatch.delenv(DASK_VARIABLE, raising=False)
-    assert all(np.array_equal(one, two) for one, two in zip(*found, strict=True))
-
-
-def test_warnings_come_back(address, monkeypatch, tmp_path):
-    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-    hasty = [(CASE, GMCA(n_sources=n, max_iterations=1), True, False) for n in (2, 3)]
-    with pytest.warns(SeparationWarning, match="gmca: stopped after 1 iterations without converging"):
-        make_all(cleaned.assessment, hasty, "test")
 
 
 def test_errors_come_back(address, monkeypatch, tmp_path):
@@ -99,16 +79,6 @@ def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
     found = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
     assert all(np.array_equal(one, two) for one, two in zip(expected, found, strict=True))
     assert "unfinished" not in {entry.product for entry in cache.cache_info()}
-
-
-@pytest.mark.filterwarnings("default")  # an error inside the loop of the client would stop it for ever
-def test_no_scheduler(monkeypatch, tmp_path):
-    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-    monkeypatch.setattr("himap.store.parallel._CONNECT", 0.5)
-    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
-        monkeypatch.setenv(DASK_VARIABLE, address)
-        with pytest.raises(InputError, match=f"no Dask scheduler at {address}.*tcp://host:8786"):
-            make_all(cleaned.assessment, CALLS, "test")
 
 
 @pytest.mark.filterwarnings("default")

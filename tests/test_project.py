@@ -78,26 +78,7 @@ def test_commands_of_the_pages_exist(page, line):
         find(options["name"])
 
 
-def test_pages_show_commands():
-    assert {page for page, _ in commands()} >= {"README.md", "intro.md", "contributing.md"}
-
-
-def test_table_has_a_row_for_every_figure():
-    first = [row[0] for row in table_rows()]
-    assert [name for name in first if name in PAPER] == PAPER
-    assert all(name in PAPER or name.startswith("Sect. ") or name == "Beyond it" for name in first)
-
-
-def test_table_rows_are_planned_or_complete():
-    for paper, what, notebook in table_rows():
-        assert what, paper
-        links = re.findall(r"\[(\w+)\]\(\.\./notebooks/(\w+)\.ipynb\)", notebook)
-        assert links or notebook == "planned", paper
-        for text, target in links:
-            assert text == target and target in NOTEBOOKS, paper
-
-
-def test_table_and_toc_have_every_notebook():
+def test_table_and_toc_have_every_figure_and_notebook():
     toc = yaml.safe_load((ROOT / "_toc.yml").read_text())
     chapters = [chapter["file"] for part in toc["parts"] for chapter in part["chapters"]]
     assert sorted(Path(file).name for file in chapters if file.startswith("notebooks/")) == NOTEBOOKS
@@ -105,8 +86,15 @@ def test_table_and_toc_have_every_notebook():
     assert {Path(page.stem).name for page in PAGES[1:]} == {
         Path(file).name for file in [toc["root"], *chapters] if file.startswith("book/")
     }
-    linked = {name for row in table_rows() for name in re.findall(r"/(\w+)\.ipynb", row[2])}
+    linked = set()
+    for paper, what, notebook in table_rows():
+        links = re.findall(r"\[(\w+)\]\(\.\./notebooks/(\w+)\.ipynb\)", notebook)
+        assert what and (links or notebook == "planned"), paper
+        assert all(text == target for text, target in links), paper
+        assert paper in PAPER or paper.startswith("Sect. ") or paper == "Beyond it"
+        linked |= dict(links).keys()
     assert linked == set(NOTEBOOKS)
+    assert [paper for paper, _, _ in table_rows() if paper in PAPER] == PAPER
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
@@ -233,18 +221,6 @@ def _top_imports(path):
     return names
 
 
-def test_requirements_have_both_bounds():
-    for line in requirements("test"):
-        assert re.fullmatch(r"[\w-]+>=[\d.]+,<[\d.]+", line), line
-
-
-def test_requirements_of_a_checkout_are_all():
-    lines = (ROOT / "requirements.txt").read_text().splitlines()
-    assert [line for line in lines if not line.startswith("#")] == ["-e .[test]"]
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    assert set(requirements("test")) == set(requirements(*extras))
-
-
 def test_readme_runs_in_order(tmp_path, monkeypatch, rng, no_pages):
     """The commands on a cube one after the other, and the examples in Python among them.
 
@@ -278,17 +254,14 @@ def test_readme_runs_in_order(tmp_path, monkeypatch, rng, no_pages):
         assert file["residual"].shape == hi.shape
 
 
-def test_readme_figure_is_the_notebooks():
-    """The README shows a figure of the book, and not an old one; `make book` copies it."""
+def test_readme_shows_what_there_is():
+    """A figure of the book, and not an old one; `make book` copies it. And links lead somewhere."""
     script = runpy.run_path(str(ROOT / "book" / "readme_figure.py"))
     (shown,) = [one.png for one in figures(script["NOTEBOOK"]) if one.name == script["FIGURE"]]
     assert script["TARGET"].read_bytes() == shown
-
-
-def test_readme_links_exist():
-    text = (ROOT / "README.md").read_text()
-    for target in re.findall(r"\]\(([^)#]+)\)", text):
+    for target in re.findall(r"\]\(([^)#]+)\)", (ROOT / "README.md").read_text()):
         assert (ROOT / target).exists(), target
+    assert {page for page, _ in commands()} >= {"README.md", "intro.md", "contributing.md"}
 
 
 @pytest.mark.parametrize("page, place", [("add_a_method", "removal"), ("add_a_beam", "instrument/beams")])
@@ -304,41 +277,36 @@ def test_the_examples_of_the_book_keep_to_the_rules(page, place, tmp_path):
     assert outcome.returncode == 0, outcome.stdout
 
 
-def workflow(name):
-    """A workflow of GitHub Actions; YAML reads its key `on` as true."""
-    return yaml.safe_load((ROOT / ".github/workflows" / f"{name}.yml").read_text())
-
-
-def steps_of(name):
-    return [step for job in workflow(name)["jobs"].values() for step in job["steps"]]
-
-
 @pytest.mark.parametrize("name", ["test", "book"])
 def test_workflows_run_what_there_is(name):
-    """Targets of the Makefile, actions with a version, weekly, and never without a limit of time."""
-    found = workflow(name)
+    """Targets of the Makefile, actions with a version, weekly, and never without a limit of time.
+
+    YAML reads the key `on` of GitHub Actions as true.
+    """
+    found = yaml.safe_load((ROOT / ".github/workflows" / f"{name}.yml").read_text())
     assert {"push", "pull_request", "schedule", "workflow_dispatch"} == set(found[True])
-    for step in steps_of(name):
+    for step in [step for job in found["jobs"].values() for step in job["steps"]]:
         assert re.fullmatch(r"actions/[\w-]+@v\d+", step["uses"]) if "uses" in step else step["run"]
         for target in re.findall(r"^make (\w+)", step.get("run", "")):
             assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), flags=re.M)
     assert all("timeout-minutes" in job for job in found["jobs"].values() if "strategy" in job)
+    if name == "test":
+        low, high = re.search(r"Python 3\.(\d+) to 3\.(\d+)", (ROOT / "README.md").read_text()).groups()
+        promised = [f"3.{minor}" for minor in range(int(low), int(high) + 1)]
+        assert found["jobs"]["test"]["strategy"]["matrix"]["python"] == promised
 
 
-def test_workflow_tests_every_python_that_the_readme_promises():
-    low, high = re.search(r"Python (3\.\d+) to (3\.\d+)", (ROOT / "README.md").read_text()).groups()
-    promised = [f"3.{minor}" for minor in range(int(low[2:]), int(high[2:]) + 1)]
-    assert workflow("test")["jobs"]["test"]["strategy"]["matrix"]["python"] == promised
-
-
-def test_hooks_are_commands_that_the_set_up_installs():
+def test_what_is_installed():
+    """Versions with both bounds; in a checkout and by Binder all of it, and with it the commands of hooks."""
+    lines = (ROOT / "requirements.txt").read_text().splitlines()
+    assert [line for line in lines if not line.startswith("#")] == ["-e .[test]"]
+    assert (ROOT / ".binder" / "requirements.txt").read_text() == "-r ../requirements.txt\n"
+    build = ROOT / ".binder" / "postBuild"
+    assert os.access(build, os.X_OK) and "install" in build.read_text()
+    needed = requirements("test")
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert set(needed) == set(requirements(*extras))
+    assert all(re.fullmatch(r"[\w-]+>=[\d.]+,<[\d.]+", line) for line in needed)
     hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
-    packages = {line.split(">=")[0] for line in requirements("test")}
-    for hook in hooks:
-        assert re.match(r"\.venv/bin/(\w+)", hook["entry"])[1] in packages
-
-
-def test_binder_installs_the_project():
-    binder = ROOT / ".binder"
-    assert (binder / "requirements.txt").read_text() == "-r ../requirements.txt\n"
-    assert os.access(binder / "postBuild", os.X_OK) and "install" in (binder / "postBuild").read_text()
+    commands = {re.match(r"\.venv/bin/(\w+)", hook["entry"])[1] for hook in hooks}
+    assert commands <= {line.split(">=")[0] for line in needed}

@@ -51,44 +51,35 @@ def folders(tmp_path):
 
 def test_what_made_a_result(folders):
     ledger, figures, readings, steps = stored_results(folders()[0])
-    assert [one.name for one in (ledger, figures, readings)] == ["claims_a", "paper_a", "readings_a"]
-    assert steps.name == "steps_a" and set(readings.codes) == {"readings"}
+    names = [one.name for one in (ledger, figures, readings, steps)]
+    assert names == ["claims_a", "paper_a", "readings_a", "steps_a"] and set(readings.codes) == {"readings"}
     assert (ledger.preset, ledger.galaxy, ledger.seconds) == ("paper", "templates", 90)
     assert ledger.commits == {("abc1234", False)}
     assert (figures.preset, figures.galaxy, figures.seconds) == ("paper", "synthetic", 90)  # one execution
     assert set(figures.codes) == {"fig-a", "fig-b"} and not steps.codes
 
 
-def test_results_of_todays_code_are_fresh_and_timings_have_no_state(folders):
-    assert stale_results(*folders()) == {}
+OLD, GONE = "made before fingerprints were kept", "no notebook has fig-c any more"
 
 
-def test_results_of_other_code_are_stale(folders):
-    results, notebooks = folders(about=ABOUT | {"code": "other"}, figures=["fig-a", "fig-b"])
-    assert stale_results(results, notebooks) == {"claims_a": "the code behind claims changed"}
+@pytest.mark.parametrize(
+    ("made", "expected"),
+    [
+        ({}, {}),
+        ({"about": ABOUT | {"code": "other"}}, {"claims_a": "the code behind claims changed"}),
+        ({"figures": ["fig-a", "fig-c"]}, {"paper_a": GONE}),
+        ({"about": ABOUT, "code": None}, dict.fromkeys(("claims_a", "paper_a", "readings_a"), OLD)),
+    ],
+)
+def test_results_of_other_code_are_stale(folders, made, expected):
+    """Timings have no state."""
+    assert stale_results(*folders(**made)) == expected
+
+
+def test_figures_are_stale_with_their_notebook(folders):
+    results, notebooks = folders()
     (notebooks / "01_toy.py").write_text(NOTEBOOK.replace("2 + 2", "2 + 3"))
-    changed = {"paper_a": "the code behind fig-a, fig-b changed"}
-    assert stale_results(results, notebooks).items() > changed.items()
-
-
-def test_a_figure_that_is_no_more(folders):
-    assert stale_results(*folders(figures=["fig-a", "fig-c"])) == {
-        "paper_a": "no notebook has fig-c any more"
-    }
-
-
-def test_results_from_before_fingerprints_are_stale(folders):
-    old = "made before fingerprints were kept"
-    assert stale_results(*folders(about=ABOUT, code=None)) == {
-        "claims_a": old,
-        "paper_a": old,
-        "readings_a": old,
-    }
-
-
-def test_readings_of_other_code_are_stale(folders):
-    found = stale_results(*folders(code="other"))
-    assert found["readings_a"] == "the code behind readings changed" and "claims_a" not in found
+    assert stale_results(results, notebooks) == {"paper_a": "the code behind fig-a, fig-b changed"}
 
 
 def test_those_in_the_book_can_be_told():

@@ -4,22 +4,30 @@ to cite it, and the numbers at the paper's size where they are stored.
 
 The numbers become the file ``_static/data/NAME.csv`` or ``.npz`` beside the pages, NAME being that of the
 figure; those of the paper's size ``_static/data/FOLDER.json``.
+
+``{gallery} paper`` has thumbnails of the figures of the paper that lead to them, ``{gallery} chapters`` those
+of all figures, chapter by chapter.
 """
 
 import html
+import io
 import shutil
 from functools import cache
 from pathlib import Path
 
 import yaml
 from docutils import nodes
+from PIL import Image
 from sphinx import addnodes
+from sphinx.util.docutils import SphinxDirective
 
-from himap.app.figures import figures, plain_caption
+from himap.app.figures import figure_order, figures, plain_caption
 from himap.app.notebook_files import STAMP, read_notebook
+from himap.app.notebooks import notebooks
 from himap.app.stored import stored_figures
 
 PAPER = "Gkogkou et al. (2025), arXiv:2511.13328"
+WIDTH = 320  # pixels of a thumbnail: sharp at the 160 of the page on a fine screen
 
 
 def describe(app, doctree):
@@ -53,7 +61,7 @@ def add_links(app, doctree, docname):
                 shutil.copy(results / one / "figures.json", folder / f"{one}.json")
             line = _line(figure, "../" * docname.count("/"), docname, stored)
             text = line + _citation(app, docname, figure)
-            node.append(nodes.legend("", nodes.raw("", text, format="html")))
+            node.append(nodes.legend("", _raw(text)))
 
 
 _stored_figures = cache(stored_figures)
@@ -114,7 +122,61 @@ def _execution(path):
     return read_notebook(path).metadata[STAMP].get("execution", {})
 
 
+class Gallery(SphinxDirective):
+    """The directive; its argument says which figures."""
+
+    required_arguments = 1
+
+    def run(self):
+        chapters = notebooks(Path(self.env.srcdir, "notebooks"))
+        there = {chapter: list(_figures(chapter.executed).values()) for chapter in chapters}
+        for chapter in there:
+            self.env.note_dependency(str(chapter.executed))
+        if self.arguments[0] == "paper":
+            shown = [one for many in there.values() for one in many if one.paper]
+            return [self._grid(sorted(shown, key=lambda figure: figure_order(figure.paper)))]
+        if self.arguments[0] == "chapters":
+            return [node for one, many in there.items() if many for node in self._chapter(one.title, many)]
+        raise self.error(f"a gallery of `paper` or of `chapters`, not of {self.arguments[0]!r}")
+
+    def _chapter(self, title, many):
+        count = f"{len(many)} figure{'s' if len(many) > 1 else ''}"
+        label = f"<summary>{html.escape(title)} <small>({count})</small></summary>"
+        opening = f'<details class="himap-chapter">{label}'
+        return [_raw(opening), self._grid(many), _raw("</details>")]
+
+    def _grid(self, many):
+        up = "../" * self.env.docname.count("/")
+        return _raw(f'<ul class="himap-gallery">{"".join(self._item(one, up) for one in many)}</ul>')
+
+    def _item(self, figure, up):
+        path = Path(self.env.app.outdir, "_static", "thumbnails", f"{figure.name}.webp")
+        width, height = _small_picture(figure.png, path)
+        number = f"<b>Fig. {figure.paper}</b> " if figure.paper else ""
+        caption = html.escape(plain_caption(figure.caption))
+        return (
+            f'<li><a href="{up}notebooks/{figure.notebook}.html#{figure.name}">'
+            f'<img src="{up}_static/thumbnails/{figure.name}.webp" alt="{caption}" width="{width}" '
+            f'height="{height}" loading="lazy"><span>{number}{caption}</span></a></li>'
+        )
+
+
+def _small_picture(png, path):
+    """Write a thumbnail as WebP; returns its width and height."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with Image.open(io.BytesIO(png)) as picture:
+        small = picture.convert("RGB")
+    small.thumbnail((WIDTH, 2 * WIDTH), Image.Resampling.LANCZOS)
+    small.save(path, quality=42, method=6)
+    return small.size
+
+
+def _raw(text):
+    return nodes.raw("", text, format="html")
+
+
 def setup(app):
+    app.add_directive("gallery", Gallery)
     app.connect("doctree-read", describe)
     app.connect("doctree-resolved", add_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

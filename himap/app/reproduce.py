@@ -196,9 +196,7 @@ def _execute(notebook, parameters, folder):
 
     from himap.app.kernels import AsyncLocalKernelManager
 
-    class Manager(AsyncLocalKernelManager):
-        """Of this kernel, with its exit code."""
-
+    AsyncLocalKernelManager.exit_code = None
     fingerprint = notebook.fingerprint()  # of the code that runs, whatever is edited meanwhile
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
@@ -213,7 +211,7 @@ def _execute(notebook, parameters, folder):
                 cwd=folder,
                 progress_bar={"desc": notebook.name, "leave": False} if watched else False,
                 extra_arguments=_KERNEL_OPTIONS,
-                kernel_manager_class=Manager,
+                kernel_manager_class=AsyncLocalKernelManager,
             )
     except papermill.PapermillExecutionError as error:
         if error.ename == InputError.__name__:
@@ -223,9 +221,9 @@ def _execute(notebook, parameters, folder):
             f"{notebook.name} stopped in cell [{number}] with {error.ename}: {error.evalue}"
         ) from error
     except RuntimeError as error:
-        if Manager.exit_code is None:
+        if AsyncLocalKernelManager.exit_code is None:
             raise
-        cause = cause_of_death([Manager.exit_code], kills)
+        cause = cause_of_death([AsyncLocalKernelManager.exit_code], kills)
         way_out = " Try a smaller preset." if "memory" in cause else ""
         raise NotebookError(f"the kernel of {notebook.name} died of {cause}.{way_out}") from error
     said = json.loads("".join(output.text for output in done.cells.pop().outputs))

@@ -1,7 +1,6 @@
 """Independent products made several at a time: by processes of this machine, or by a Dask cluster."""
 
 import asyncio
-import contextlib
 import logging
 import os
 import re
@@ -101,17 +100,12 @@ def make_all(product, calls, description):
     elif n_jobs() > 1 < len(missing):
         done = _in_processes(product, missing)
     else:
-        done = (_made(product, call) for call in missing)
+        done = (_make(product, call, _settings()) for call in missing)
     for made, caught in progress(done, description, total=len(missing)):
         note_made(made)
         for message, category in caught:
             warnings.warn(message, category, stacklevel=2)
     return len(missing)
-
-
-def _made(product, call):
-    product(*call)
-    return [], []
 
 
 def _in_processes(product, missing):
@@ -210,15 +204,9 @@ def _on_cluster(product, missing):
         )
 
 
-@contextlib.contextmanager
 def _silent_client():
-    """Without what the client logs of errors that become ours."""
-    log = logging.getLogger("distributed.client")
-    before, log.disabled = log.disabled, True
-    try:
-        yield
-    finally:
-        log.disabled = before
+    """A context without what the client logs of errors that become ours."""
+    return patch.object(logging.getLogger("distributed.client"), "disabled", True)
 
 
 def _settings():
