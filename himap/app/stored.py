@@ -13,6 +13,7 @@ from himap.core.memory import estimate
 from himap.core.survey import PRESETS
 from himap.paper.claims.entries import entries
 from himap.paper.experiments import find_experiment
+from himap.paper.readings import outcomes
 from himap.paper.record import Record
 
 RESULTS = Path(__file__).resolve().parents[2] / "book" / "results"
@@ -57,11 +58,16 @@ def read_stored(name, folder=None):
 def read_ledger(path=LEDGER):
     """The `himap.paper.claims.entries.Entry` of each claim in a record, and its provenance, (list, dict).
 
+    A record of restarts, named so, is read in its first reading.
+
     Raises
     ------
     InputError
         No such file, or another kind of file.
     """
+    if Path(path).stem.startswith("restarts_"):
+        record = Record.load(find_experiment("restarts"), path)
+        return [*next(iter(outcomes(record.rows).values())).entries.values()], record.about
     record = Record.load(find_experiment("claims"), path)
     return entries(record.rows), record.about
 

@@ -168,7 +168,7 @@ def _ledger_names(ledgers):
         name = [SIZES.get(made.preset, made.preset)]
         name += [GALAXIES.get(made.galaxy.partition(" ")[0], made.galaxy)] if several else []
         name += [styles.numbered(changed["method"], None)] if "method" in changed else []
-        name += [str(changed["reading"])] if "reading" in changed else []
+        name += [str(changed["reading"])] if changed.get("reading", "default") != "default" else []
         name += [box_words(made)] if "box_cells" in changed else []
         names.append(", ".join(name))
     return names
