@@ -79,14 +79,12 @@ from pathlib import Path
 
 from IPython.display import Markdown
 
-from himap.app.causes import other_records
-from himap.app.stored import RESULTS, read_ledger
+from himap.app.stored import RESULTS, other_records, read_ledger
 from himap.app.stored_tables import angular_ratios, ledgers_table, picture, stored_curves
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
-from himap.paper.conclusions import CONCLUSIONS, verdict
-from himap.paper.ledger_table import BADGES
+from himap.paper.ledger_table import BADGES, CONCLUSIONS, joint_verdict
 from himap.store.provenance import Provenance
 
 folder = Path(results or RESULTS)
@@ -112,20 +110,15 @@ quote(
 )
 
 
-def of(conclusion, entries):
-    """The entries of the claims of a conclusion."""
-    return [entries[name] for name in conclusion.claims]
-
-
-def badge(conclusion, entries):
-    """Sign and words of the verdict on a conclusion."""
-    found = verdict(of(conclusion, entries))
+def badge(claims, entries):
+    """Sign and words of the verdict on a conclusion, from its claims."""
+    found = joint_verdict(entries[name] for name in claims.split())
     return f"{BADGES[found][0]} {found}"
 
 
 def claims_of(number):
     """The claims of a conclusion, with verdicts and numbers of both ledgers."""
-    ids = CONCLUSIONS[number - 1].claims
+    ids = list(CONCLUSIONS)[number - 1].split()
     return Markdown(ledgers_table(ledgers, lambda entries: entries[0].claim.id in ids, others))
 
 
@@ -133,8 +126,8 @@ def claims_of(number):
 Table(
     ["", "conclusion of the paper", "half the paper's size, ensemble", "the paper's size, one run"],
     [
-        [f"{n}", one.says, badge(one, by_id[0]), badge(one, by_id[1])]
-        for n, one in enumerate(CONCLUSIONS, start=1)
+        [f"{n}", says, badge(claims, by_id[0]), badge(claims, by_id[1])]
+        for n, (claims, says) in enumerate(CONCLUSIONS.items(), start=1)
     ],
 )
 

@@ -68,9 +68,8 @@ import warnings
 
 from IPython.display import Markdown
 
-from himap.app.causes import other_records
 from himap.app.notebooks import notebooks
-from himap.app.stored import LEDGER, read_ledger
+from himap.app.stored import LEDGER, other_records, read_ledger
 from himap.app.stored_tables import verdicts_table
 from himap.figures.numbers import one_run, quote, show_table
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED, UNDECIDED

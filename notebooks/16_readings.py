@@ -61,7 +61,7 @@ from himap.paper import readings_table
 from himap.paper.authors_code import ITERATIONS, VARIANTS, AuthorsCode
 from himap.paper.claims import CLAIMS, UNDECIDED
 from himap.paper.experiments import find_experiment
-from himap.paper.readings import BANDS, FAILING, candidates, default_reading, readings
+from himap.paper.readings import BANDS, FAILING, candidates, ranked_candidates, readings
 from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.readings_figures import bands_figure, claims_figure, code_figure, curves_figure
 from himap.paper.readings_table import EVERY, NONE, SOME, VOID
@@ -71,7 +71,7 @@ from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 record = Record.load(find_experiment("readings"), results or RESULTS / "readings.json")
 outcomes, made = outcomes_of(record.rows), record.made
 known = readings() | candidates()
-runs = {label: one.runs for label, one in outcomes.items()}
+errors = {label: one.numbers["mean error"] for label, one in outcomes.items()}
 Markdown(f"*{made.footer()}*")
 
 # %% [markdown]
@@ -103,7 +103,7 @@ Markdown(f"*{made.footer()}*")
 # %% tags=["hide-input"]
 places = readings_table.robustness(outcomes)
 unmoved = readings_table.insensitive_claims(outcomes)
-skies = list(dict.fromkeys(run.seed for several in runs.values() for run in several))
+skies = {seed for one in errors.values() for seed in one.index.unique("seed")}
 judged = outcomes["default"].entries if "default" in outcomes else {}
 split = [claim for claim, entry in judged.items() if entry.verdict == UNDECIDED]
 
@@ -117,7 +117,7 @@ def failures(label):
     """In how many runs a reading fails."""
     if label not in outcomes:
         return "no run that is stored"
-    return f"{outcomes[label].n_failing} of {len(outcomes[label].runs)} runs"
+    return f"{outcomes[label].fails} runs"
 
 
 turned = {claim: readings_table.decisive_options(outcomes, claim) for claim in places[SOME]}
@@ -133,7 +133,7 @@ quote(
     readings_count=len(outcomes),
     readings_failing=(100 * FAILING, 1, "%"),
     readings_skies=f"{len(skies)} sk{'y' if len(skies) == 1 else 'ies'}",
-    readings_runs=max(map(len, runs.values())),
+    readings_runs=max(map(len, errors.values())),
     readings_claims=sum(map(len, places.values())),
     readings_every=listed(places[EVERY]),
     readings_every_n=len(places[EVERY]),
@@ -148,13 +148,20 @@ quote(
     readings_split=listed(split),
 )
 
+
 # %% tags=["hide-input"]
+def verdict(label, claim):
+    """On a claim under a reading; empty if it was not judged."""
+    judged = outcomes[label].entries if label in outcomes else {}
+    return judged[claim].verdict if claim in judged else ""
+
+
 several = "several choices at once"
 rows = [
     (
         claim,
         CLAIMS[claim].statement,
-        *(outcomes[name].verdict(claim) or "" if name in outcomes else "" for name in READINGS),
+        *(verdict(name, claim) for name in READINGS),
         ", ".join(known[label].title for label in turned[claim]) or several,
     )
     for claim in places[SOME]
@@ -214,7 +221,7 @@ by_size = {record.made.preset: outcomes_of(record.rows) for record in ensembles}
 for record in ensembles:
     table = readings_table.candidates_table(by_size[record.made.preset])
     display(Markdown(f"*{record.made.footer()}*"), Table(table.columns, table.to_numpy()))
-charitable = {size: known[default_reading(several)].title for size, several in by_size.items()}
+charitable = {size: known[ranked_candidates(several)[0][0]].title for size, several in by_size.items()}
 quote(readings_charitable=listed([f"{label} at {size}" for size, label in charitable.items()]))
 
 # %% [markdown]
@@ -251,11 +258,11 @@ sound = [known[label].title for label, one in outcomes.items() if not one.n_fail
 
 def moved(several):
     """Largest over least mean error of the runs on one sky, the largest of all skies."""
-    by_sky = [[run.numbers["mean error"] for run in several if run.seed == seed] for seed in skies]
-    return max((max(errors) / min(errors) for errors in by_sky if errors), default=1.0)
+    by_sky = several.groupby("seed")
+    return (by_sky.max() / by_sky.min()).max()
 
 
-largest = max(map(moved, runs.values()))
+largest = max(map(moved, errors.values()))
 quote(
     readings_fails_default=failures("default"),
     readings_fails_letter=failures("letter"),
@@ -263,7 +270,7 @@ quote(
     readings_fails_follow_up=failures("follow-up"),
     readings_sound=listed(sound),
     readings_moved=(largest, 0.1 * largest),
-    readings_moved_default=(moved(runs.get("default", ())), 0.1),
+    readings_moved_default=(moved(errors["default"]) if "default" in errors else 1.0, 0.1),
 )
 
 # %% [markdown]

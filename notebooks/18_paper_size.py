@@ -54,8 +54,7 @@ from pathlib import Path
 import numpy as np
 from IPython.display import Markdown
 
-from himap.app.causes import other_records
-from himap.app.stored import RESULTS, read_ledger
+from himap.app.stored import RESULTS, other_records, read_ledger
 from himap.app.stored_tables import ledgers_table, pictures, verdicts_table
 from himap.core.survey import PRESETS
 from himap.figures.numbers import quote

@@ -42,7 +42,7 @@ from dataclasses import replace
 
 from IPython.display import Markdown
 
-from himap.app.stored import extrapolated, read_stored, times_of_all
+from himap.app.stored import extrapolated, read_stored
 from himap.app.stored_tables import endurance_table, growth_table, short, steps_table
 from himap.core.survey import PRESETS
 from himap.figures import plotting, styles
@@ -93,7 +93,8 @@ Markdown(steps_table(paper))
 # {doc}`The status page <../book/status>` has the times of the chapters with figures.
 
 # %% tags=["hide-input"]
-parts = times_of_all(paper, read_stored("claims_paper_templates", results)["about"])
+first, ledger = paper["steps"][0], read_stored("claims_paper_templates", results)["about"]
+parts = {first["step"]: first["seconds"], "observations and the ledger": ledger["seconds"]}
 rows = [[part, f"{short(seconds / 60)} min"] for part, seconds in parts.items()]
 rows.append(["all", f"{sum(parts.values()) / 60:.0f} min"])
 Markdown("\n".join(Table(["Part", "Time"], rows).markdown()))

@@ -2,8 +2,9 @@
 
 import math
 
-from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, Finding, Part
-from himap.paper.claims.entries import Entry
+from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED, Finding, Part
+from himap.paper.claims.entries import entries, finding_rows
+from himap.paper.experiments.claims import EXPERIMENT
 
 PCA, NOT_PCA = Part("PCA/ICA a", True, True, "PCA/ICA"), Part("PCA/ICA a", False, True, "PCA/ICA")
 SD, NOT_SD = Part("SD a", True, True, "SD"), Part("SD a", False, True, "SD")
@@ -15,24 +16,33 @@ def finding(verdict, value=0.5, sentence=""):
     return Finding(value=math.nan if value is None else value, parts=PARTS[verdict], sentence=sentence)
 
 
+def entry_of(findings, id="D1"):
+    """The `Entry` of {(seed, restart): `Finding`}."""
+    rows = [
+        {"seed": seed} | row
+        for (seed, restart), found in findings.items()
+        for row in finding_rows({id: found}, restart)
+    ]
+    (one,) = entries(EXPERIMENT.frame(rows))
+    return one
+
+
 def entry(*verdicts, values=None, id="D1", first=0):
     """An `Entry` of seeds `first`, `first` + 1, ..., each with one restart."""
     values = values or [0.5] * len(verdicts)
-    findings = {
-        (seed, 0): finding(verdict, value, f"{seed}.")
-        for seed, (verdict, value) in enumerate(zip(verdicts, values, strict=True), first)
-    }
-    return Entry(claim=CLAIMS[id], findings=findings)
+    pairs = enumerate(zip(verdicts, values, strict=True), first)
+    return entry_of({(seed, 0): finding(*pair, f"{seed}.") for seed, pair in pairs}, id)
 
 
 def judged(*skies, value=0.5):
     """An `Entry` of skies, each a list of tuples of `Part`, one for each restart."""
-    findings = {
-        (seed, restart): Finding(value, parts, "")
-        for seed, restarts in enumerate(skies)
-        for restart, parts in enumerate(restarts)
-    }
-    return Entry(claim=CLAIMS["D1"], findings=findings)
+    return entry_of(
+        {
+            (seed, restart): Finding(value, parts, "")
+            for seed, restarts in enumerate(skies)
+            for restart, parts in enumerate(restarts)
+        }
+    )
 
 
 def luminance(colour):

@@ -1,5 +1,7 @@
 """A made-up realisation on which all claims hold, and changes of it that break some."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from himap.maps import sphere
@@ -138,8 +140,11 @@ class World:
     def unmasked(self, method):
         return self.of("oscillating")[method]
 
-    def correlation(self, method):
-        return self.correlations[method]
+    def assessed(self, method, case="oscillating"):
+        """Of two sources that only the second channel tells apart."""
+        mixing = np.array([[1.0, 1.0], [0.0, self.difference]])
+        found = {"correlation": self.correlations[method], "diagnostics": self.stages.get(case)}
+        return SimpleNamespace(mixing=mixing, **found)
 
     def variance(self, method):
         return self.variances[method]
@@ -152,9 +157,6 @@ class World:
 
     def masked_voxels(self, case):
         return self.voxels[case if case in self.voxels else "oscillating"]
-
-    def diagnostics(self, beam):
-        return self.stages[beam]
 
     def flagged_error(self):
         return self.error
@@ -177,10 +179,6 @@ class World:
     def _shifted(self, shift):
         """SD on the oscillating case with its ratios shifted."""
         return comparison(**{kind: row + shift[kind] for kind, row in self.oscillating["sdecgmca"].items()})
-
-    def mixing(self, beam):
-        """Two sources that only the second channel tells apart."""
-        return np.array([[1.0, 1.0], [0.0, self.difference]])
 
     def windows(self, beam):
         """The second channel falls to a twentieth at the limit of the beam, and stays."""

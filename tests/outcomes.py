@@ -1,33 +1,25 @@
 """Outcomes of readings that several tests share."""
 
-import numpy as np
+import pandas as pd
 from ledgers import entry
 
 from himap.paper.claims import INAPPLICABLE
-from himap.paper.readings import Outcome, Run
+from himap.paper.readings import Outcome
+
+NUMBERS = {
+    "C/C0, 2 to 4": 1.25,
+    "C/C0, 100 to 200": 0.99,
+    "P/P0, k < 0.03": 0.5,
+    "P/P0, k > 0.1": 1.0,
+    "bump": 1.01,
+    "mean error": 0.02,
+}
+CURVES = {"C/C0": ((2.0, 1.5), (3.0, 1.25), (4.5, 1.0)), "P/P0": ((0.1, 0.5), (0.2, 1.0))}
 
 
-def run(seed=7, restart=0, curves=None, without=(), **changed):
-    """A `Run`; `changed` and `without` are of its numbers, with _ for spaces in names."""
-    numbers = {
-        "C/C0, 2 to 4": 1.25,
-        "C/C0, 100 to 200": 0.99,
-        "P/P0, k < 0.03": 0.5,
-        "P/P0, k > 0.1": 1.0,
-        "bump": 1.01,
-        "mean error": 0.02,
-        "largest error": 0.07,
-        "flagged": 0.01,
-        "near the plane": 0.9,
-        "iterations": 125.0,
-        "converged": 1.0,
-    } | {name.replace("_", " "): value for name, value in changed.items()}
-    curves = curves or {
-        "C/C0": (np.array([2.0, 3.0, 4.5]), np.array([1.5, 1.25, 1.0])),
-        "P/P0": (np.array([0.1, 0.2]), np.array([0.5, 1.0])),
-    }
-    numbers = {name: value for name, value in numbers.items() if name not in without}
-    return Run(seed=seed, restart=restart, numbers=numbers, curves=curves)
+def run(seed=7, restart=0, **changed):
+    """Numbers of one member; None for what is missing."""
+    return {"seed": seed, "restart": restart} | NUMBERS | changed
 
 
 def outcome(verdicts, *, values=None, runs=None):
@@ -38,5 +30,12 @@ def outcome(verdicts, *, values=None, runs=None):
         value = (values or {}).get(claim, 0.5)
         measured = [None if verdict == INAPPLICABLE else value for verdict in by_seed]
         entries[claim] = entry(*by_seed, values=measured, id=claim, first=7)
-    n_seeds = max(len(one.findings) for one in entries.values())
-    return Outcome(entries=entries, runs=tuple(runs or [run(7 + n) for n in range(n_seeds)]))
+    n_seeds = max((len(one.members) for one in entries.values()), default=1)
+    numbers = pd.DataFrame(runs or [run(7 + n) for n in range(n_seeds)]).set_index(["seed", "restart"])
+    curves = [
+        {"seed": seed, "restart": restart, "quantity": name, "x": x, "value": value}
+        for seed, restart in numbers.index
+        for name, points in CURVES.items()
+        for x, value in points
+    ]
+    return Outcome(entries=entries, numbers=numbers, curves=pd.DataFrame(curves))

@@ -9,15 +9,13 @@ from ledgers import entry
 from himap.app.stored_tables import angular_ratios, picture, stored_curves
 from himap.core.errors import InputError
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
-from himap.paper.conclusions import CONCLUSIONS, verdict
+from himap.paper.ledger_table import CONCLUSIONS, joint_verdict
 
 
 class TestConclusions:
     def test_each_rests_on_claims_that_there_are(self):
-        known = set(CLAIMS)
-        for conclusion in CONCLUSIONS:
-            assert set(conclusion.claims) <= known and conclusion.claims
         assert len(CONCLUSIONS) == 5
+        assert all(claims and set(claims.split()) <= set(CLAIMS) for claims in CONCLUSIONS)
 
     @pytest.mark.parametrize(
         ("verdicts", "expected"),
@@ -35,7 +33,7 @@ class TestConclusions:
     )
     def test_verdict(self, verdicts, expected):
         made = [(REPRODUCED, FAILED) if one == UNDECIDED else (one,) for one in verdicts]
-        assert verdict([entry(*one) for one in made]) == expected
+        assert joint_verdict(entry(*one) for one in made) == expected
 
 
 FIGURES = {

@@ -1,9 +1,9 @@
 """Causes of verdicts from stored records, on records made up for it."""
 
 import pytest
-from ledgers import entry
+from ledgers import entry, finding
 
-from himap.app.causes import other_records
+from himap.app.stored import other_records
 from himap.paper.claims import FAILED, REPRODUCED
 from himap.paper.claims.entries import finding_rows
 from himap.paper.experiments import find_experiment
@@ -24,7 +24,7 @@ def write(folder, name, verdicts, **changed):
     """A record of D1: of claims from a verdict, of readings from {reading: verdict}."""
     experiment, rows = find_experiment(name.partition("_")[0]), []
     for reading, verdict in verdicts.items():
-        for row in finding_rows({"D1": entry(verdict).findings[0, 0]}, 0):
+        for row in finding_rows({"D1": finding(verdict)}, 0):
             empty = dict.fromkeys(experiment.columns)
             own = {"reading": reading, "quantity": "D1"} if "reading" in empty else {}
             rows.append({"seed": 1} | empty | {k: v for k, v in row.items() if k in empty} | own)

@@ -129,15 +129,6 @@ def test_a_head_with_verdicts_says_that_the_ledger_is_stale(tmp_path, monkeypatc
     assert page.count("stale stored results: 1 of 1") == n_stale and not errors
 
 
-def test_folders_of_figures_are_no_records(monkeypatch):
-    import chapter_heads
-
-    chapter_heads._all_stale.cache_clear()
-    monkeypatch.setattr(chapter_heads, "stale_results", lambda *folders: {})
-    folders = {path.parent.name for path in LEDGER.parent.glob("*/figures.json")}
-    assert chapter_heads._commits(LEDGER.parent, ["*/figures.json"]) == dict.fromkeys(folders, "")
-
-
 def chapter_file(folder, *, seconds, parameters):
     """A notebook that was executed, with one figure."""
     cells = [

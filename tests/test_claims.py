@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from book_examples import example_of
+from ledgers import entry_of
 from made_up_sky import (
     BSS,
     BUMP,
@@ -28,7 +29,6 @@ from made_up_sky import (
 
 from himap.paper.claims import CLAIMS, base
 from himap.paper.claims.base import BEAMS, CLIPPED, METHODS
-from himap.paper.claims.entries import Entry
 from himap.paper.claims.verdicts import PLACE, is_smaller
 
 MID = (DEGREES > 10) & (DEGREES < 200)
@@ -325,7 +325,7 @@ def test_a_dead_band_has_both_signs():
 
 def test_places_of_minima_are_parts():
     for id, best in (("N1", ["least at 6"]), ("N3", ["low k 6", "bump 6", "10 < l < 100 7"])):
-        entry = Entry(claim=CLAIMS[id], findings={(0, 0): found_in(id, scan_best(low=6))})
+        entry = entry_of({(0, 0): found_in(id, scan_best(low=6))}, id)
         assert list(entry.places) == best and set(entry.places.values()) == {1.0}
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ledgers import entry
+from ledgers import finding
 
 import himap
 from himap.app import notebooks
@@ -32,8 +32,7 @@ def seen(monkeypatch):
         tables.append(skies)
         rows = []
         for sky in skies:
-            d1 = entry((REPRODUCED, IN_PART)[sky.survey.seed % 2]).findings[0, 0]
-            found = {"D1": d1, "N1": entry(FAILED).findings[0, 0]}
+            found = {"D1": finding((REPRODUCED, IN_PART)[sky.survey.seed % 2]), "N1": finding(FAILED)}
             rows += [{"seed": sky.survey.seed} | row for row in finding_rows(found, 0)]
         return self.frame(rows)
 

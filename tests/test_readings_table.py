@@ -60,7 +60,7 @@ class TestTables:
         table = summary_table(OUTCOMES)
         assert table["reading"].tolist() == [KNOWN[label].title for label in OUTCOMES]
         assert table["departures from the text"].tolist() == [
-            f"{KNOWN[label].distance}" for label in OUTCOMES
+            f"{len(KNOWN[label].departures)}" for label in OUTCOMES
         ]
         assert table["fails"].tolist() == ["0 of 1", "0 of 1", "1 of 2", "0 of 1"]
         found = table.iloc[2]

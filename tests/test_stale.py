@@ -61,10 +61,10 @@ WORDS = [
     ("maps/sphere.py", "rows", "lines"),
     ("core/survey.py", "number of", "how many"),
     ("core/survey.py", "def preset(cls, name", "def preset(cls, name: str"),
-    ("paper/claims/smooth_beams.py", "All six methods recover C to", "Each method recovers C to"),
-    ("paper/claims/smooth_beams.py", "at 95 % of the l is below", "at 95 % of the l lies below"),
+    ("paper/claims/beams.py", "All six methods recover C to", "Each method recovers C to"),
+    ("paper/claims/beams.py", "at 95 % of the l is below", "at 95 % of the l lies below"),
     ("paper/claims/peak_masking.py", '{"masked voxels by', '{"voxels that are masked, by'),
-    ("paper/claims/dimming.py", '"{:.0%}")', '"{:.1%}")'),
+    ("paper/claims/other_sections.py", '"{:.0%}")', '"{:.1%}")'),
     ("removal/base.py", "stopped after", "ended after"),
     ("removal/base.py", "found = self._separate(whole)", "found: object = self._separate(whole)"),
 ]

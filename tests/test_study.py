@@ -29,17 +29,6 @@ def study():
     return Study(preset="ci", overrides=TINY)
 
 
-def test_bands_are_means_of_the_ratios(study):
-    remover = PCA(n_sources=3)
-    degrees, angular, k, frequency = study.ratios(Degraded(), remover)
-    bands = study.bands(Degraded(), remover)
-    assert bands["C/C0, 1 < l < 10"] == pytest.approx(angular[(degrees > 1) & (degrees < 10)].mean())
-    assert bands["C/C0, 10 < l < 16"] == pytest.approx(angular[(degrees > 10) & (degrees < 16)].mean())
-    assert bands["P/P0, k > 0.1"] == pytest.approx(frequency[k > 0.1].mean())
-    near = (k > 0.25) & (k < 0.38)
-    assert not near.any() or bands["P/P0, highest near k = 0.31"] == frequency[near].max()
-
-
 def test_peaks_are_masked_unless_told_otherwise(monkeypatch):
     lower = partial(mask_peaks, n_sigma=3.0)  # so small a sky has no peaks of 5 sigma
     monkeypatch.setattr("himap.paper.pipeline.peaks.mask_peaks", lower)

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from ledgers import judged
+from ledgers import entry_of, judged
 
 from himap.paper.claims import CLAIMS, FAILED, INAPPLICABLE, REPRODUCED, UNDECIDED, Finding, Part
 from himap.paper.claims.verdicts import parts_of, places_of, wilson
@@ -71,22 +71,21 @@ def test_a_part_about_no_single_method_is_by_itself():
 
 def test_other_parts_do_not_count():
     entry = judged([(Part("a", True), Part("b", False, main=False))])
-    assert entry.verdict == REPRODUCED and not entry.shares["b"].holds
+    assert entry.verdict == REPRODUCED and entry.shares["holds"]["b"] is False
 
 
 def test_skies_weigh_the_same():
     """Sixteen restarts of a sky count as much as two of another."""
     held, failed = (Part("a", True),), (Part("a", False),)
     entry = judged([held] * 16, [failed] * 2)
-    share = entry.shares["a"]
-    assert (share.mean, share.low, share.high) == (0.5, 0.0, 1.0)
+    assert entry.shares.loc["a", ["mean", "low", "high"]].tolist() == [0.5, 0.0, 1.0]
     assert entry.verdict == UNDECIDED
     assert (entry.n_skies, entry.n_restarts) == (2, 16)
 
 
 def test_the_interval_of_one_sky_is_that_of_its_restarts():
-    share = members(("a", 0.5, "SD"), n=8).shares["a"]
-    assert (share.low, share.high) == wilson(4, 8) == pytest.approx((1 / 3, 2 / 3))
+    share = members(("a", 0.5, "SD"), n=8).shares.loc["a"]
+    assert (share["low"], share["high"]) == wilson(4, 8) == pytest.approx((1 / 3, 2 / 3))
     assert wilson(8, 8) == pytest.approx((8 / 9, 1)) and wilson(0, 1) == pytest.approx((0, 0.5))
     assert wilson(3, 10, z=1.96) == pytest.approx((0.1078, 0.6032), abs=1e-4)  # 95 %, as tabulated
 
@@ -95,7 +94,7 @@ def test_where_it_does_not_apply_it_is_no_member():
     held, void = (Part("a", True),), ()
     assert judged([held], [void]).verdict == REPRODUCED
     assert judged([void], [void]).verdict == INAPPLICABLE
-    assert judged([held, void, (Part("a", False),)]).shares["a"].mean == 0.5
+    assert judged([held, void, (Part("a", False),)]).shares["mean"]["a"] == 0.5
 
 
 def test_a_premise_that_is_absent_counts_as_not_reproduced_and_is_said():
@@ -106,7 +105,7 @@ def test_a_premise_that_is_absent_counts_as_not_reproduced_and_is_said():
     assert judged([absent] + [lower] * 9).label == REPRODUCED
     two = (Part("in l", None, True, "SD"), Part("in k", True, True, "SD"))
     assert judged([two]).label == "not reproduced (premise absent)"
-    assert judged([absent] * 9 + [lower]).shares["lower"].absent == 0.9
+    assert judged([absent] * 9 + [lower]).shares["absent"]["lower"] == 0.9
 
 
 def test_a_part_that_a_member_does_not_have_does_not_hold_there():
@@ -116,12 +115,10 @@ def test_a_part_that_a_member_does_not_have_does_not_hold_there():
 
 
 def test_the_number_is_the_median_with_16_to_84_percent_of_the_members():
-    entry = judged([()] * 101)
-    for (_, restart), _ in list(entry.findings.items()):
-        entry.findings[0, restart] = Finding(float(restart), (), "")
-    assert entry.values == pytest.approx((50, 16, 84))
-    entry.findings[1, 0] = Finding(1000.0, (), "")  # one sky of two, so half of the members
-    assert entry.values[2] == 1000.0 and entry.values[0] >= 100
+    findings = {(0, k): Finding(float(k), (), "") for k in range(101)}
+    assert entry_of(findings).values == pytest.approx((50, 16, 84))
+    findings[1, 0] = Finding(1000.0, (), "")  # one sky of two, so half of the members
+    assert entry_of(findings).values[2] == 1000.0 and entry_of(findings).values[0] >= 100
     assert all(math.isnan(value) for value in judged([()], value=math.nan).values)
 
 

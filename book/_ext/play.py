@@ -10,6 +10,7 @@ import json
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
 import play_data
 import play_looks
 from docutils import nodes
@@ -129,21 +130,20 @@ def _of_readings(path):
     """SDecGMCA under every reading: a view for each restart, those with a name shown at first."""
     found = outcomes(Record.load(find_experiment("readings"), path).rows)
     known = readings()
-    runs = [(label, run) for label, one in found.items() for run in one.runs]
+    rows = pd.concat({label: one.curves for label, one in found.items()}, names=["label"])
     titles = {label: known[label].title for label in found}
     views = []
-    for restart in sorted({run.restart for _, run in runs}):
+    for restart, of_restart in rows.groupby("restart"):
         panels, axes = {}, {}
-        for seed in dict.fromkeys(run.seed for _, run in runs):
+        for seed, of_seed in of_restart.groupby("seed", sort=False):
             for kind, curve, across in (
                 ("angular", CURVES[0], _SKY),
                 ("frequency", CURVES[1], "along the line of sight"),
             ):
                 title = f"seed {seed}, {across}"
+                curves = of_seed[of_seed["quantity"] == curve].groupby("label", sort=False)
                 panels[title] = [
-                    (titles[label], dict(zip(*run.curves[curve], strict=True)))
-                    for label, run in runs
-                    if (run.seed, run.restart) == (seed, restart)
+                    (titles[label], dict(zip(one["x"], one["value"], strict=True))) for label, one in curves
                 ]
                 labels = styles.AXES[kind]
                 axes[title] = {

@@ -1,26 +1,36 @@
-"""Results that take hours and are stored with the book: readers, and numbers derived from them.
+"""Results that take hours and are stored with the book: readers, and what follows from them.
 
-There are ledgers, the times of the steps at two sizes and how they grow, and folders of figures.
+There are ledgers, under what else a claim of one holds, the times of the steps at two sizes and how they
+grow, and folders of figures.
 """
 
 import json
 import math
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from himap.core.errors import InputError
 from himap.core.memory import estimate
 from himap.core.survey import PRESETS
+from himap.figures import styles
 from himap.paper.claims.entries import entries
 from himap.paper.experiments import find_experiment
 from himap.paper.readings import outcomes
 from himap.paper.record import Record
+from himap.store.provenance import Provenance
 
 RESULTS = Path(__file__).resolve().parents[2] / "book" / "results"
 """The folder of stored results, in a checkout."""
 
 LEDGER = RESULTS / "claims_laptop.json"
 """The record of the claims that the book shows."""
+
+SIZES = {"paper": "the paper's size", "laptop": "half size", "quick": "quarter size"}
+"""{preset: in words}."""
+
+GALAXIES = {"templates": "real Galaxy", "synthetic": "synthetic Galaxy"}
+"""{source: in words}."""
 
 _TIMES = {"HI light cone": 1, "observations, three beams": 1, "BeamSubspace": 0, "all measures": 3 * 6}
 """How often a step is done for Figs. 1 and 2, {step: times}; once for each of the three beams by default."""
@@ -70,6 +80,69 @@ def read_ledger(path=LEDGER):
         return [*next(iter(outcomes(record.rows).values())).entries.values()], record.about
     record = Record.load(find_experiment("claims"), path)
     return entries(record.rows), record.about
+
+
+def other_records(about, folder=RESULTS):
+    """{what differs from a ledger: {claim: `Entry`}} of the stored records, for `ledger_table.cause`.
+
+    In a record of several readings a claim that holds under that of the ledger, or under all of them, is due
+    to the size or the Galaxy, not to a reading.
+
+    Parameters
+    ----------
+    about
+        Provenance of the ledger, as `read_ledger` gives it.
+    folder
+        Of the records.
+    """
+    made, found = Provenance.of_stored(about), {}
+    for path in sorted(Path(folder).glob("*.json")):
+        kind = path.stem.partition("_")[0]
+        if kind in ("claims", "readings", "restarts"):
+            with suppress(InputError):  # of claims as they were judged before
+                for words, by_id in _judgements(Record.load(find_experiment(kind), path), made):
+                    found.setdefault(words, {}).update(by_id)
+    return found
+
+
+def _judgements(record, made):
+    """(what differs from `made`, {claim: `Entry`}) of each reading in a record, without what is the same."""
+    words, changed = _difference(made, record.made), dict(record.made.overrides)
+    own = dict(made.overrides).get("reading", "default")
+    if record.experiment.name == "claims":
+        label = own if "method" in changed else changed.get("reading", "default")
+        several = {label: {entry.claim.id: entry for entry in entries(record.rows)}}
+    else:
+        several = {label: one.entries for label, one in outcomes(record.rows).items()}
+    judging = [several[own]] if own in several else list(several.values()) if len(several) > 1 else []
+    holding = [{id for id, entry in by_id.items() if entry.holds} for by_id in judging]
+    shared = set.intersection(*holding) if holding else set()  # which are not due to a reading
+    for label, by_id in several.items():
+        other = {id: entry for id, entry in by_id.items() if id not in shared}
+        if label != own:
+            yield ", ".join(filter(None, (f"reading {label}", words))), other
+    if words and judging:
+        yield words, several.get(own) or {id: judging[0][id] for id in shared}
+
+
+def _difference(made, other):
+    """What of another `Provenance` differs, in words: method, size, Galaxy or HI box; may be empty."""
+    own, words = record_words(made), record_words(other)
+    replaced = f"{words['method']} in its place" if words["method"] else ""
+    differing = [words[name] for name in ("size", "galaxy", "box") if words[name] != own[name]]
+    return ", ".join(filter(None, [replaced, *differing]))
+
+
+def record_words(made):
+    """{what sets a record apart: in words, empty where it is as usual} of its `Provenance`."""
+    changed, galaxy = dict(made.overrides), made.galaxy.partition(" ")[0]
+    return {
+        "size": SIZES.get(made.preset, made.preset),
+        "galaxy": GALAXIES.get(galaxy, galaxy),
+        "method": styles.numbered(changed["method"], None) if "method" in changed else "",
+        "reading": reading if (reading := changed.get("reading", "default")) != "default" else "",
+        "box": f"HI box of {changed['box_cells']}³ cells" if "box_cells" in changed else "",
+    }
 
 
 def stored_figures(results=None, folders=None):
@@ -162,15 +235,3 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
             }
         )
     return rows
-
-
-def times_of_all(steps, about):
-    """Time of light cone and of the ledger of one realisation, with its observations: {part: seconds}.
-
-    Parameters
-    ----------
-    steps, about
-        The steps, and the provenance of the ledger once the light cone was there, as they are stored.
-    """
-    first = steps["steps"][0]
-    return {first["step"]: first["seconds"], "observations and the ledger": about["seconds"]}

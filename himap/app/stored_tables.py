@@ -4,10 +4,9 @@ import os
 
 import numpy as np
 
-from himap.app.causes import GALAXIES, SIZES, box_words
 from himap.app.figures import figure_order, plain_caption
 from himap.app.notebooks import notebooks, notebooks_folder
-from himap.app.stored import RESULTS, stored_figure, stored_figures
+from himap.app.stored import RESULTS, record_words, stored_figure, stored_figures
 from himap.figures import styles
 from himap.figures.tables import Table
 from himap.paper.claims import CLAIMS, INAPPLICABLE
@@ -161,17 +160,10 @@ def verdicts_table(ledgers):
 
 def _ledger_names(ledgers):
     """Size of each ledger, its Galaxy if there are several, and what replaces SDecGMCA's default reading."""
-    every = [Provenance.of_stored(about) for _, about in ledgers]
-    several, names = len({made.galaxy for made in every}) > 1, []
-    for made in every:
-        changed = dict(made.overrides)
-        name = [SIZES.get(made.preset, made.preset)]
-        name += [GALAXIES.get(made.galaxy.partition(" ")[0], made.galaxy)] if several else []
-        name += [styles.numbered(changed["method"], None)] if "method" in changed else []
-        name += [str(changed["reading"])] if changed.get("reading", "default") != "default" else []
-        name += [box_words(made)] if "box_cells" in changed else []
-        names.append(", ".join(name))
-    return names
+    every = [record_words(Provenance.of_stored(about)) for _, about in ledgers]
+    if len({words["galaxy"] for words in every}) == 1:
+        every = [words | {"galaxy": ""} for words in every]
+    return [", ".join(filter(None, words.values())) for words in every]
 
 
 def _cell(entry):
@@ -182,10 +174,11 @@ def _cell(entry):
     number = measured(entry)
     if entry.verdict == INAPPLICABLE and number == BADGES[INAPPLICABLE][0]:
         number = entry.verdict
-    failing = [share for share in entry.main_shares if not share.holds]
+    failing = entry.main_shares[~entry.main_shares["holds"].eq(True)]
     more = f"; and {len(failing) - _PARTS} more" if len(failing) > _PARTS else ""
     sign = f"{BADGES[entry.verdict][0]}{entry.label.removeprefix(entry.verdict)}"
-    return f"{sign} {number}" + (f"<br>holds in: {shares_text(failing[:_PARTS])}{more}" if failing else "")
+    parts = f"<br>holds in: {shares_text(failing[:_PARTS])}{more}" if len(failing) else ""
+    return f"{sign} {number}{parts}"
 
 
 def pictures(folders, results=None):

@@ -19,6 +19,19 @@ BADGES = {
 }
 """{verdict: (sign, colour)}; dark enough for white letters, and distinct without colours by the sign."""
 
+CONCLUSIONS = {
+    "D1 D2": "With all channels at one resolution every method recovers both spectra to better than 10 %.",
+    "E1 E2 E3 E4": "With a beam that evolves smoothly with frequency the parametric fit fails, GMCA degrades "
+    "from intermediate scales on, and PCA, FastICA and SDecGMCA remain accurate.",
+    "O1 O3 O4 O6 S1": "Both fits fail; of the other methods SDecGMCA is the most accurate: it suppresses the "
+    "spurious peak near k = 0.3 and recovers the angular spectrum at intermediate multipoles. Beyond l of "
+    "about 200 its inversion of the beam is unstable.",
+    "N1 N2 N4": "The number of sources is critical; 5 to 7 is the best compromise.",
+    "M2 M4 M5 G1 G3 G4": "Excluding contaminated lines of sight after the separation reduces the residual of "
+    "SDecGMCA; dimming the Galactic plane before it improves PCA, FastICA and most of all SDecGMCA.",
+}
+"""The conclusions of the paper (its Sect. 6), {ids of the claims that hold its numbers: what it says}."""
+
 _WORDS = ("id", "beam", "statement", "number", "paper", "reading")  # of a claim, in its row
 
 
@@ -44,6 +57,18 @@ def plain_table(entries):
     )
 
 
+def joint_verdict(entries):
+    """The verdict on a conclusion, from those on its claims, of which `entries` has an `Entry` each.
+
+    It is "reproduced" if all of them are, "in part" if one of them is at least in part, "not reproduced" if
+    all are that, and else "undecided". Claims that do not apply do not count.
+    """
+    verdicts = {entry.verdict for entry in entries} - {INAPPLICABLE}
+    if len(verdicts) < 2:
+        return verdicts.pop() if verdicts else INAPPLICABLE
+    return IN_PART if verdicts & {REPRODUCED, IN_PART} else UNDECIDED
+
+
 def cause(entry, others):
     """What makes a claim hold that is not reproduced, in words: measured, not guessed.
 
@@ -65,7 +90,7 @@ def cause(entry, others):
     better = (REPRODUCED,) if entry.verdict == IN_PART else (REPRODUCED, IN_PART)
     id = entry.claim.id
     found = [name for name, several in others.items() if id in several and several[id].verdict in better]
-    failing = {share.part.method for share in entry.main_shares if not share.holds}
+    failing = {share.method for share in entry.main_shares.itertuples() if not share.holds}
     if failing and not failing & {"SD", ""}:
         found.insert(0, f"{', '.join(sorted(failing))}, not SD")
     return "; ".join(found) or "none found"
@@ -108,9 +133,7 @@ class LedgerTable:
         page, figure = entry.claim.notebook, entry.claim.figure
         name = self.links.get(page, {}).get(figure, "")
         link = f'<a href="{page}.html{name and "#"}{name}">{f"Fig. {figure}" if figure else "chapter"}</a>'
-        parts = html.escape(
-            shares_text(share for share in entry.shares.values() if PLACE not in share.part.name)
-        )
+        parts = html.escape(shares_text(entry.shares[~entry.shares.index.str.contains(PLACE)]))
         shares = f"<br>Holds in what share of the members: {parts}" if parts else ""
         places = ", ".join(f"{place} in {share:.0%}" for place, share in sorted(entry.places.items()))
         where = html.escape(f" ({places})") if places else ""
@@ -129,12 +152,12 @@ class LedgerTable:
 
 
 def shares_text(shares):
-    """In words, for each `Share`, its interval and how often the premise is absent, one after the other."""
+    """Rows of `Entry.shares` in words, with interval and how often the premise is absent."""
     texts = []
-    for share in shares:
+    for share in shares.itertuples():
         interval = f" ({share.low:.0%} to {share.high:.0%})" if share.low < share.high else ""
         absent = f", premise absent in {share.absent:.0%}" if share.absent else ""
-        texts.append(f"{share.part.name} {share.mean:.0%}{interval}{absent}")
+        texts.append(f"{share.Index} {share.mean:.0%}{interval}{absent}")
     return "; ".join(texts)
 
 

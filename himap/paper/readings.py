@@ -2,17 +2,16 @@
 
 import itertools
 import math
-import re
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.diagnostics import FAILING
-from himap.paper.claims import CLAIMS
 from himap.paper.claims.entries import entries
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 
@@ -91,11 +90,6 @@ class Reading:
         """{option: value} of those that contradict the paper's text."""
         return {name: self.values[name] for name, one in OPTIONS.items() if self.values[name] in one.against}
 
-    @property
-    def distance(self):
-        """How many values contradict the paper's text."""
-        return len(self.departures)
-
 
 def readings():
     """{label: `Reading`}: those with a name, and the default with one option changed at a time.
@@ -136,31 +130,6 @@ def candidates():
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
-    """SDecGMCA through the oscillating beam, on one sky, from one start.
-
-    Attributes
-    ----------
-    seed, restart
-        Of the sky, and which start of the method.
-    numbers
-        {quantity: value}; bands that the maps do not hold are missing.
-    curves
-        {"C/C0" or "P/P0": (x, ratio)}, arrays.
-    """
-
-    seed: int
-    restart: int
-    numbers: dict
-    curves: dict
-
-    @property
-    def fails(self):
-        """Whether the mean error is above `FAILING`."""
-        return self.numbers["mean error"] > FAILING
-
-
-@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What one reading leads to.
 
@@ -168,25 +137,26 @@ class Outcome:
     ----------
     entries
         {claim: `himap.paper.claims.entries.Entry`}.
-    runs
-        A `Run` for each seed and restart.
+    numbers
+        What is measured besides, through the oscillating beam: a DataFrame with a row for each (seed,
+        restart) and a column for each quantity but `CURVES`; bands that the maps do not hold are missing.
+    curves
+        DataFrame of the rows of `CURVES`.
     """
 
     entries: dict
-    runs: tuple
-
-    def verdict(self, claim):
-        """As in the ledger; None if it was not judged."""
-        return self.entries[claim].verdict if claim in self.entries else None
-
-    def holds(self, claim):
-        """Whether it is reproduced, at least in part; None if it was not judged."""
-        return self.entries[claim].holds if claim in self.entries else None
+    numbers: pd.DataFrame
+    curves: pd.DataFrame
 
     @property
     def n_failing(self):
-        """How many of the runs fail."""
-        return sum(run.fails for run in self.runs)
+        """How many of the members fail: their mean error is above `FAILING`."""
+        return int((self.numbers["mean error"] > FAILING).sum())
+
+    @property
+    def fails(self):
+        """That in words, "1 of 4"."""
+        return f"{self.n_failing} of {len(self.numbers)}"
 
 
 def outcomes(rows):
@@ -201,28 +171,23 @@ def outcomes(rows):
     known = readings() | candidates()
     if "case" in rows:  # of a record of restarts, which has other beams too
         rows = rows[rows["case"].isna() | (rows["case"] == "oscillating")]
-    judged = {name for name in rows["quantity"] if re.fullmatch(r"[A-Z]\d+", name)}
-    for column, unknown in (("reading", {*rows["reading"]} - {*known}), ("claim", judged - {*CLAIMS})):
-        if unknown:
-            raise InputError(
-                f"the record has a {column} of another version of himap, {', '.join(sorted(unknown))}; "
-                "measure it again."
-            )
+    if unknown := {*rows["reading"]} - {*known}:
+        raise InputError(
+            f"the record has a reading of another version of himap, {', '.join(sorted(unknown))}; "
+            "measure it again."
+        )
     groups = dict(list(rows.groupby("reading")))
     return {label: _outcome(groups[label]) for label in known if label in groups}
 
 
 def _outcome(rows):
-    judged = rows["quantity"].isin(list(CLAIMS))
+    judged, curves = rows["quantity"].str.fullmatch(r"[A-Z]\d+"), rows["quantity"].isin(CURVES)
     claims = rows[judged].rename(columns={"quantity": "claim"}).assign(sentence="")
-    runs = []
-    for (seed, restart), measured in rows[~judged].groupby(["seed", "restart"], sort=False):
-        by_name = {name: group for name, group in measured.groupby("quantity", sort=False)}
-        curves = {name: (one["x"].to_numpy(), one["value"].to_numpy()) for name, one in by_name.items()}
-        numbers = {name: value[0] for name, (_, value) in curves.items() if name not in CURVES}
-        curves = {name: curves[name] for name in CURVES if name in curves}
-        runs.append(Run(seed=seed, restart=restart, numbers=numbers, curves=curves))
-    return Outcome(entries={entry.claim.id: entry for entry in entries(claims)}, runs=tuple(runs))
+    numbers = rows[~judged & ~curves].pivot_table(
+        index=["seed", "restart"], columns="quantity", values="value", aggfunc="first", sort=False
+    )
+    by_claim = {entry.claim.id: entry for entry in entries(claims)}
+    return Outcome(entries=by_claim, numbers=numbers, curves=rows[curves])
 
 
 def charity(entries):
@@ -233,24 +198,20 @@ def charity(entries):
     entries
         `himap.paper.claims.entries.Entry` of each claim, under one reading.
     """
-    shares = [share for entry in entries for share in entry.main_shares]
-    return sum(share.mean for share in shares if share.part.method == "SD")
+    of_sd = [entry.main_shares.loc[entry.main_shares["method"] == "SD", "mean"] for entry in entries]
+    return sum(float(shares.sum()) for shares in of_sd)
 
 
 def ranked_candidates(outcomes):
     """[(label, `charity`, departures from the text)] of the candidates for the default, the best first.
 
-    A tie goes to fewer departures.
+    The best is the most charitable: under it most statements of the paper on SDecGMCA hold. A tie goes to
+    fewer departures.
     """
     known = readings() | candidates()
     ranked = [
-        (label, charity(one.entries.values()), known[label].distance)
+        (label, charity(one.entries.values()), len(known[label].departures))
         for label, one in outcomes.items()
         if label in candidates() or label == "default"
     ]
     return sorted(ranked, key=lambda row: (-round(row[1], 9), row[2]))
-
-
-def default_reading(outcomes):
-    """Label of the most charitable candidate: under it most statements of the paper on SDecGMCA hold."""
-    return ranked_candidates(outcomes)[0][0]

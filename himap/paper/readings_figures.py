@@ -1,6 +1,6 @@
 """Figures of the outcomes of readings of SDecGMCA."""
 
-import numpy as np
+import pandas as pd
 
 from himap.figures import plotting, styles
 from himap.figures.planes import marks
@@ -40,24 +40,22 @@ def bands_figure(outcomes):
 
     A ratio that is wrong by more than a factor of a thousand is drawn there, at the edge.
     """
-    known, runs = readings(), [run for one in outcomes.values() for run in one.runs]
     titles = {band: f"${band[0]}/{band[2]}_0$, {band.partition(', ')[2]}" for band in BANDS}
     titles["bump"] = "$P/P_0$, bump"
-    # Coarse maps end before the last bands.
-    there = [band for band in titles if np.isfinite([run.numbers.get(band, np.nan) for run in runs]).any()]
     order = sorted(outcomes, key=lambda label: label not in READINGS)  # those with a name come first
+    numbers = pd.concat({label: outcomes[label].numbers for label in order}, names=["reading"])
     n_named = sum(label in READINGS for label in outcomes)
     places = {label: n + (_GAP if 0 < n_named <= n else 0) for n, label in enumerate(order)}
     ends = max(places.values()) + 0.7, -0.7
-    panels = []
+    # Coarse maps end before the last bands.
+    there = [band for band in titles if band in numbers and numbers[band].notna().any()]
+    known, panels = readings(), []
     for n, band in enumerate(there):
-        points = list(_points(outcomes, places, band, shown=n == min(7, len(there) - 1)))
-        values = np.concatenate([x for x, _, _ in points])
-        values = values[values > 0]
-        wide = len(values) and values.max() > _LOGARITHMIC * values.min()
+        values = numbers[band].dropna().clip(*_FAR)
+        wide = values.max() > _LOGARITHMIC * values.min()
         panel = {
             "curves": [([1, 1], ends[::-1], {"color": "black", "linewidth": 0.8})],
-            "points": points,
+            "points": list(_points(values, places, shown=n == min(7, len(there) - 1))),
             "title": titles[band],
             "xscale": "log" if wide else "linear",
             "ylim": ends,
@@ -69,26 +67,20 @@ def bands_figure(outcomes):
     return plotting.lines(panels, columns=_COLUMNS, size=(2.5, 4.9))
 
 
-def _points(outcomes, places, band, *, shown):
+def _points(values, places, *, shown):
     """(x, y, style) of every seed and restart; with `shown` seeds are in the legend."""
-    pairs = {}
-    for label, one in outcomes.items():
-        for run in one.runs:
-            value = run.numbers.get(band, np.nan)
-            shown_at = [(np.clip(value, *_FAR), places[label])] if np.isfinite(value) else []
-            pairs.setdefault((run.seed, run.restart), []).extend(shown_at)
-    seeds = list(dict.fromkeys(seed for seed, _ in pairs))
-    for (seed, restart), several in pairs.items():
-        x, y = np.array(several).reshape(-1, 2).T
-        label = f"seed {seed}"
+    seeds = values.index.unique("seed").tolist()
+    for (seed, restart), several in values.groupby(["seed", "restart"], sort=False):
+        n, label = seeds.index(seed), f"seed {seed}"
         look = {
             "label": label if shown and not restart else f"_{label}, restart {restart}",
-            "color": styles.COLOURS[seeds.index(seed) % len(styles.COLOURS)],
+            "color": styles.COLOURS[n % len(styles.COLOURS)],
             "marker": "o",
             "markersize": 3.5,
             "alpha": 0.8,
         }
-        yield x, y + 0.3 * (seeds.index(seed) - (len(seeds) - 1) / 2), look
+        y = several.index.get_level_values("reading").map(places) + 0.3 * (n - (len(seeds) - 1) / 2)
+        yield several.to_numpy(), y.to_numpy(), look
 
 
 def curves_figure(outcomes):
@@ -97,25 +89,20 @@ def curves_figure(outcomes):
     Median and 16 to 84 % band of the restarts, which are thin lines. Ratios that are wrong by more than the
     panels show leave them.
     """
-    named = [label for label in READINGS if label in outcomes]
-    seeds = dict.fromkeys(run.seed for label in named for run in outcomes[label].runs)
-    directions = ("angular", "across the sky"), ("frequency", "along the line of sight")
+    named = {label: outcomes[label].curves for label in READINGS if label in outcomes}
+    rows = pd.concat(named, names=["label"]).reset_index("label")
     panels = []
-    for seed in seeds:
+    for seed in rows["seed"].unique():
+        directions = ("angular", "across the sky"), ("frequency", "along the line of sight")
         for curve, (kind, across) in zip(CURVES, directions, strict=True):
-            members = {
-                label: [run.curves[curve] for run in outcomes[label].runs if run.seed == seed]
-                for label in named
-            }
-            curves = []
-            for label, those in members.items():
-                if those:
-                    (x, *_), ys = zip(*those, strict=True)
-                    curves.append((x, ys[0] if len(ys) == 1 else np.array(ys), _LOOKS[label]))
-            ends = [min(x[0] for x, _, _ in curves), max(x[-1] for x, _, _ in curves)]
+            shown, curves = rows[(rows["seed"] == seed) & (rows["quantity"] == curve)], []
+            for label, several in shown.groupby("label", sort=False):
+                ys = several.pivot(index="restart", columns="x", values="value")
+                members = ys.to_numpy() if len(ys) > 1 else ys.to_numpy()[0]
+                curves.append((ys.columns.to_numpy(), members, _LOOKS[label]))
             panels.append(
                 {
-                    "curves": [(ends, [1, 1], _TRUTH), *curves],
+                    "curves": [([shown["x"].min(), shown["x"].max()], [1, 1], _TRUTH), *curves],
                     "title": f"seed {seed}, {across}",
                     "xlabel": styles.AXES[kind]["xlabel"],
                     "ylabel": styles.AXES[kind]["ratio_label"],

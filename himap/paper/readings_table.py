@@ -35,14 +35,11 @@ def summary_table(outcomes):
         rows.append(
             {
                 "reading": known[label].title,
-                "departures from the text": f"{known[label].distance}",
+                "departures from the text": f"{len(known[label].departures)}",
                 "statements on SD": f"{charity(one.entries.values()):.1f}",
-                "fails": f"{one.n_failing} of {len(one.runs)}",
+                "fails": one.fails,
                 **{sign: f"{verdicts.count(verdict)}" for verdict, (sign, *_) in MARKS.items()},
-                **{
-                    name: _furthest([run.numbers.get(name, math.nan) for run in one.runs])
-                    for name in (*BANDS, "bump")
-                },
+                **{name: _furthest(one.numbers.get(name, ())) for name in (*BANDS, "bump")},
             }
         )
     return pd.DataFrame(rows)
@@ -80,9 +77,9 @@ def decisive_options(outcomes, claim):
     """Labels of the readings with one choice changed under which a claim holds and by default does not, or
     the reverse; none where the default was not judged.
     """
-    base = outcomes["default"].holds(claim) if "default" in outcomes else None
-    single = [label for label, reading in readings().items() if reading.changed and label in outcomes]
-    return [label for label in single if {base, outcomes[label].holds(claim)} == {True, False}]
+    holds = {label: one.entries[claim].holds for label, one in outcomes.items() if claim in one.entries}
+    single = [label for label, reading in readings().items() if reading.changed]
+    return [label for label in single if {holds.get("default"), holds.get(label)} == {True, False}]
 
 
 def insensitive_claims(outcomes):
@@ -90,7 +87,7 @@ def insensitive_claims(outcomes):
     versions = {}
     for outcome in outcomes.values():
         for claim, entry in outcome.entries.items():
-            numbers = [f"{one.value}" for one in entry.findings.values()]  # in which NaN is equal to itself
+            numbers = entry.members["value"].map(str)  # in which NaN is equal to itself
             versions.setdefault(claim, set()).add((entry.label, *numbers))
     return [claim for claim in CLAIMS if len(versions.get(claim, ())) == 1]
 
@@ -109,7 +106,7 @@ def candidates_table(outcomes):
             "departures from the text": f"{distance}",
             "which": ", ".join(f"{name} = {value}" for name, value in known[label].departures.items())
             or "none",
-            "fails": f"{outcomes[label].n_failing} of {len(outcomes[label].runs)}",
+            "fails": outcomes[label].fails,
         }
         for label, count, distance in ranked_candidates(outcomes)
     )
@@ -129,7 +126,6 @@ def option_rows(outcomes):
             label = changes.get((option, value))
             if label in outcomes:
                 decided = [claim for claim, labels in decisive.items() if label in labels]
-                runs = outcomes[label].runs
-                row[-2:] = [f"{outcomes[label].n_failing} of {len(runs)}", ", ".join(decided) or "none"]
+                row[-2:] = [outcomes[label].fails, ", ".join(decided) or "none"]
             rows.append(tuple(row))
     return rows

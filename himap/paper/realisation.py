@@ -88,18 +88,22 @@ class Realisation:
         more = *settings.values(), *self._restarts(len(settings))
         return [*calls, *map(self._beyond, BEAMS), *more, *self.scan_calls().values()]
 
-    @property
+    @cached_property
     def facts(self):
-        """What else the claims need, [(product of `evidence`, arguments)]."""
-        calls = self.calls("oscillating")
-        return [
-            (evidence.sky_brightness, (self.survey.sky, self.galaxy)),
-            *((evidence.noise_and_hi, self.cases[beam][:1]) for beam in BEAMS),
-            *((evidence.masked_voxels, self.cases[case][:2]) for case in (*BEAMS, *CLIPPED.values())),
-            (evidence.spectra_without_sources, self.calls("degraded")["parametric"][:2]),
-            (evidence.error_of_flagged_lines, calls["sdecgmca"]),
-            *((evidence.peak_without_lines, calls[name][:3]) for name in BSS),
-        ]
+        """What else the claims need, {what: (product of `evidence`, arguments)}."""
+        calls, voxels = self.calls("oscillating"), (*BEAMS, *CLIPPED.values())
+        return {
+            "brightness": (evidence.sky_brightness, (self.survey.sky, self.galaxy)),
+            **{("noise", beam): (evidence.noise_and_hi, self.cases[beam][:1]) for beam in BEAMS},
+            **{("voxels", case): (evidence.masked_voxels, self.cases[case][:2]) for case in voxels},
+            "no sources": (evidence.spectra_without_sources, self.calls("degraded")["parametric"][:2]),
+            "flagged": (evidence.error_of_flagged_lines, calls["sdecgmca"]),
+            **{("lines", name): (evidence.peak_without_lines, calls[name][:3]) for name in BSS},
+        }
+
+    def _fact(self, what):
+        product, arguments = self.facts[what]
+        return product(*arguments)
 
     def calls(self, case):
         """{method: arguments of `cleaned.assessment`} of a case; "sdecgmca" is the method in its place.
@@ -120,10 +124,9 @@ class Realisation:
         if not hasattr(method, "beyond"):
             return call
         try:
-            further = self._in_place(observed.beam, beyond="regularised")
+            return observed, self._in_place(observed.beam, beyond="regularised"), True, False
         except InputError:  # its last S has no regularisation that could be carried on
-            further = self._in_place(observed.beam, beyond="projection")
-        return observed, further, True, False
+            return observed, self._in_place(observed.beam, beyond="projection"), True, False
 
     def scan_calls(self):
         """{n_sources: arguments of `cleaned.assessment`}."""
@@ -180,12 +183,9 @@ class Realisation:
     def _compared(self):
         return {}
 
-    def _comparison(self, recovered, true):
-        return Comparison.of(recovered, true, l_top=2 * self.survey.nside)
-
-    def assessed(self, method):
-        """The `Assessment` of a method on the oscillating case."""
-        return cleaned.assessment(*self.calls("oscillating")[method])
+    def assessed(self, method, case="oscillating"):
+        """The `Assessment` of a method on a case."""
+        return cleaned.assessment(*self.calls(case)[method])
 
     def masked(self, method):
         """A `Comparison` on the oscillating case without the lines of sight whose error stands out."""
@@ -199,10 +199,6 @@ class Realisation:
         """Those lines of sight, (n_pix,) bool."""
         return diagnostics.flagged_lines(self.assessed(method).line_errors)
 
-    def correlation(self, method):
-        """Pearson r in every channel, (n_channels,), on the oscillating case."""
-        return self.assessed(method).correlation
-
     def variance(self, method):
         """Variance over channels of the fractional error of C_l at the l of `of`, on the oscillating case."""
         call = self.calls("oscillating")[method]
@@ -213,39 +209,38 @@ class Realisation:
 
     def brightness(self):
         """{region of the sky: rms of foregrounds and of HI before the beam, mK}."""
-        everywhere, high = evidence.sky_brightness(self.survey.sky, self.galaxy)
+        everywhere, high = self._fact("brightness")
         return {"all sky": tuple(everywhere), f"|b| > {evidence.HIGH_LATITUDE:g}": tuple(high)}
 
     def masked_voxels(self, case):
         """{"HI", "noise" or "foreground": how many voxels where it stands out the peak masking replaces}."""
-        counts = evidence.masked_voxels(*self.cases[case][:2])
-        return dict(zip(evidence.STANDING_OUT, counts.tolist(), strict=True))
+        return dict(zip(evidence.STANDING_OUT, self._fact(("voxels", case)).tolist(), strict=True))
 
     def noise_over_hi(self, beam):
         """`Comparison` of the noise with HI, each by itself as it is in the truth."""
-        return self._comparison(*evidence.noise_and_hi(self.cases[beam][0]))
+        return Comparison.of(*self._fact(("noise", beam)), l_top=2 * self.survey.nside)
 
     def without_sources(self):
         """`Comparison` of the parametric fit on the degraded case of a sky without point sources.
 
         InputError where it refuses these maps.
         """
-        call = self.calls("degraded")["parametric"]
-        found = evidence.spectra_without_sources(*call[:2])
+        found = self._fact("no sources")
         if isinstance(found, str):
             raise InputError(found)
-        return self._comparison(found, pipeline.true_spectra(call[0]))
+        true = pipeline.true_spectra(self.cases["degraded"][0])
+        return Comparison.of(found, true, l_top=2 * self.survey.nside)
 
     def flagged_error(self):
         """What the error of SDecGMCA on its flagged lines consists of: `evidence.error_of_flagged_lines`."""
-        return evidence.error_of_flagged_lines(*self.calls("oscillating")["sdecgmca"])
+        return self._fact("flagged")
 
     def without_brightest(self, method):
         """Shares of the lines of sight with the brightest foreground, and the highest P/P0 near k = 0.31.
 
         It is without each share of them, and last without the share `evidence.CONTROL` of the faintest.
         """
-        k, ratios = evidence.peak_without_lines(*self.calls("oscillating")[method][:3])
+        k, ratios = self._fact(("lines", method))
         return evidence.BRIGHTEST, [diagnostics.inside(k, row, *diagnostics.BUMP).max() for row in ratios]
 
     def by_regularisation(self):
@@ -255,14 +250,6 @@ class Realisation:
     def by_restart(self, n):
         """`Comparison` of SDecGMCA from this start and those after it, `n` in all, a list."""
         return [self._compare(call) for call in self._restarts(n)]
-
-    def diagnostics(self, beam):
-        """Diagnostics of SDecGMCA's iteration (`himap.removal.Separation`), None of a method without."""
-        return cleaned.assessment(*self.calls(beam)["sdecgmca"]).diagnostics
-
-    def mixing(self, beam):
-        """Mixing matrix of SDecGMCA, (n_channels, n_sources)."""
-        return cleaned.assessment(*self.calls(beam)["sdecgmca"]).mixing
 
     def windows(self, beam):
         """b_l from the sky to the maps, (n_channels, lmax + 1)."""

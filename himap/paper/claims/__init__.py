@@ -19,7 +19,6 @@ from himap.paper.claims.verdicts import (
     INAPPLICABLE,
     REPRODUCED,
     UNDECIDED,
-    VERDICTS,
     Finding,
     Part,
 )
@@ -31,7 +30,6 @@ __all__ = [
     "IN_PART",
     "REPRODUCED",
     "UNDECIDED",
-    "VERDICTS",
     "Claim",
     "Finding",
     "Part",

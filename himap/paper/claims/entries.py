@@ -1,15 +1,15 @@
 """The ledger: each claim of the paper with its verdict over several skies, from the rows of a record."""
 
 import math
-from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 
 from himap.core.errors import InputError
-from himap.paper.claims import CLAIMS, IN_PART, REPRODUCED, Claim, Finding, Part
-from himap.paper.claims.verdicts import HOLDS, HOLDS_NOT, PLACE, Share, judge_shares
+from himap.paper.claims import CLAIMS, IN_PART, REPRODUCED, Claim
+from himap.paper.claims.verdicts import HOLDS, HOLDS_NOT, PLACE, holds_in, judge_shares, wilson
 
 COLUMNS = {
     "restart": int,
@@ -26,45 +26,36 @@ COLUMNS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A claim, and the findings of every member.
+    """A claim, and what was found of it in every member.
 
     Attributes
     ----------
     claim
         The `himap.paper.claims.Claim`.
-    findings
-        {(seed, restart): `Finding`}, of the first sky and start first.
+    members
+        DataFrame with the index (seed, restart), the first sky and start first, and the columns "value" and
+        "sentence".
+    shares
+        In what share of the members each part holds, the rows of the claim in `shares_of`.
     """
 
     claim: Claim
-    findings: dict
-
-    @cached_property
-    def shares(self):
-        """{part: `Share`} over the members in which the claim applies; skies weigh the same.
-
-        A part that a member does not have does not hold there.
-        """
-        applying = {member: one for member, one in self.findings.items() if one.parts}
-        parts = {part.name: part for one in applying.values() for part in one.parts}
-        shares = {}
-        for name, part in parts.items():
-            held = {}
-            for (seed, _), one in applying.items():
-                here = [found.held for found in one.parts if found.name == name]
-                held.setdefault(seed, []).append(here[0] if here else False)
-            shares[name] = Share.of(part, held)
-        return shares
+    members: pd.DataFrame
+    shares: pd.DataFrame
 
     @cached_property
     def main_shares(self):
-        """Those of the main parts, a list."""
-        return [share for share in self.shares.values() if share.part.main]
+        """Those of the main parts."""
+        return self.shares[self.shares["main"]]
+
+    @cached_property
+    def _judgement(self):
+        return judge_shares(self.main_shares)
 
     @property
     def verdict(self):
-        """One of `himap.paper.claims.VERDICTS`, from the shares of the main parts."""
-        return judge_shares(self.main_shares)[0]
+        """`REPRODUCED` or another verdict, from the shares of the main parts."""
+        return self._judgement[0]
 
     @property
     def holds(self):
@@ -74,48 +65,44 @@ class Entry:
     @property
     def label(self):
         """The verdict; with the methods that a claim in part holds for, or that its premise is absent."""
-        verdict, why = judge_shares(self.main_shares)
+        verdict, why = self._judgement
         return f"{verdict} ({why})" if why else verdict
 
     @property
     def about_sd(self):
         """Whether a main part is about SDecGMCA; where there is none, whether the statement names it."""
-        methods = {share.part.method for share in self.main_shares} or {*self.claim.statement.split()}
-        return "SD" in methods
+        return "SD" in ({*self.main_shares["method"]} or self.claim.statement.split())
 
     @property
     def values(self):
         """The measured number: median, and the range from 16 to 84 % of the members; NaN if there is none."""
-        skies = {}
-        for (seed, _), one in self.findings.items():
-            if math.isfinite(one.value):
-                skies.setdefault(seed, []).append(one.value)
+        finite = self.members["value"][np.isfinite(self.members["value"])]
+        skies = [several.tolist() for _, several in finite.groupby("seed")]
         if not skies:
             return (math.nan,) * 3
-        often = math.lcm(*map(len, skies.values()))  # so that skies weigh the same
-        values = [value for several in skies.values() for value in several * (often // len(several))]
+        often = math.lcm(*map(len, skies))  # so that skies weigh the same
+        values = [value for several in skies for value in several * (often // len(several))]
         return tuple(np.quantile(values, (0.5, HOLDS_NOT, HOLDS)).tolist())
 
     @property
     def places(self):
         """{place: share of the members} of what the claim locates, such as a minimum; empty for others."""
-        found = {name: share.mean for name, share in self.shares.items() if PLACE in name}
-        return {name.replace(PLACE, " "): share for name, share in found.items()}
+        return {name.replace(PLACE, " "): mean for name, mean in self.shares["mean"].items() if PLACE in name}
 
     @property
     def sentence(self):
         """The numbers behind it, of the first member."""
-        return next(iter(self.findings.values())).sentence
+        return self.members["sentence"].iloc[0]
 
     @property
     def n_skies(self):
         """How many skies there are."""
-        return len({seed for seed, _ in self.findings})
+        return self.members.index.unique("seed").size
 
     @property
     def n_restarts(self):
         """The most restarts of a sky."""
-        return max(Counter(seed for seed, _ in self.findings).values())
+        return int(self.members.groupby("seed").size().max())
 
 
 def finding_rows(findings, restart):
@@ -149,21 +136,48 @@ def entries(rows):
     InputError
         A claim that himap does not have.
     """
-    found = {}
-    for row in rows.itertuples():
-        found.setdefault(row.claim, {}).setdefault((row.seed, row.restart), []).append(row)
-    if unknown := sorted(found.keys() - CLAIMS.keys()):
+    if unknown := sorted({*rows["claim"]} - CLAIMS.keys()):
         raise InputError(
             f"the record has claims of another version of himap, {', '.join(unknown)}; measure it again with "
-            "`himap measure claims`."
+            "`himap measure`."
         )
+    members = rows.drop_duplicates(["claim", "seed", "restart"]).set_index(["seed", "restart"])
+    shares = shares_of(rows).reset_index("claim")
+    none, by_claim = shares.iloc[:0], dict(list(shares.groupby("claim")))
     return [
-        Entry(claim=claim, findings={member: _finding(several) for member, several in found[id].items()})
-        for id, claim in CLAIMS.items()
-        if id in found
+        Entry(claim=CLAIMS[id], members=several[["value", "sentence"]], shares=by_claim.get(id, none))
+        for id, several in sorted(members.groupby("claim"), key=lambda pair: list(CLAIMS).index(pair[0]))
     ]
 
 
-def _finding(rows):
-    parts = tuple(Part(row.part, row.held, row.main, row.method) for row in rows if row.part is not None)
-    return Finding(value=rows[0].value, parts=parts, sentence=rows[0].sentence)
+def shares_of(rows):
+    """In what share of the members in which a claim applies each of its parts holds; skies weigh the same.
+
+    Parameters
+    ----------
+    rows
+        As of `entries`. A part that a member does not have does not hold there.
+
+    Returns
+    -------
+    DataFrame
+        Index (claim, part). Columns: "method" and "main", as of `Part`; "mean", the mean over skies of the
+        share of each sky's restarts; "low" and "high", the least and largest share of a sky, of one sky the
+        Wilson interval of its restarts, 1 sigma; "absent", the share of the members in which the premise is
+        absent; "holds": True, False, or None where it is undecided.
+    """
+    found, part = rows[rows["part"].notna()], ["claim", "part"]
+    sizes = found.groupby(["claim", "seed"])["restart"].nunique().rename("size").reset_index()
+    counts = found.assign(held=found["held"].eq(True), absent=found["held"].isna())
+    counts = counts.groupby([*part, "seed"])[["held", "absent"]].sum().reset_index()
+    shares = found.drop_duplicates(part)[[*part, "method", "main"]].astype({"main": bool})
+    skies = shares[part].merge(sizes, on="claim").merge(counts, on=[*part, "seed"], how="left").fillna(0)
+    skies[["held", "absent"]] = skies[["held", "absent"]].div(skies["size"], axis=0)
+    columns = {"mean": ("held", "mean"), "low": ("held", "min"), "high": ("held", "max")}
+    columns |= {"absent": ("absent", "mean"), "members": ("size", "sum"), "skies": ("size", "size")}
+    found = skies.groupby(part, sort=False).agg(**columns)
+    alone = found["skies"] == 1
+    ends = [wilson(round(one.mean * one.members), one.members) for one in found[alone].itertuples()]
+    found.loc[alone, ["low", "high"]] = np.reshape(ends, (-1, 2))
+    found["holds"] = pd.Series(map(holds_in, found["mean"]), found.index, dtype=object)
+    return shares.set_index(part).join(found.drop(columns=["members", "skies"]))

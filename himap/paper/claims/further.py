@@ -1,7 +1,7 @@
 """Claims that the paper makes in passing, and premises of it, for which it shows no number or figure.
 
-They are on the inversion of the beam, convergence, leaked foreground, point sources, noise, the cause of the peak, the dependence on the
-regularisation, and robustness.
+They are on the inversion of the beam, convergence, leaked foreground, point sources, noise, the cause of the
+peak, the dependence on the regularisation, and robustness.
 """
 
 import math
@@ -101,7 +101,7 @@ def _onset(sky, beam):
 
     Singular values of H_l A, whose squares are the eigenvalues of A^T H_l^2 A, keep twice the digits.
     """
-    mixing, windows = sky.mixing(beam), sky.windows(beam)
+    mixing, windows = sky.assessed("sdecgmca", beam).mixing, sky.windows(beam)
     blurred = windows.T[:, :, None] * mixing
     highest, *_, lowest = np.linalg.svd(blurred, compute_uv=False).T ** 2
     limit = np.linalg.svd(mixing, compute_uv=False)[-1] ** 2
@@ -120,7 +120,7 @@ def convergence(sky):
     at the latest; if its change is then above the tolerance, it has not converged. Six main parts: each stage
     with each beam. It does not apply to a method without these stages.
     """
-    found = {beam: sky.diagnostics(beam) for beam in BEAMS}
+    found = {beam: sky.assessed("sdecgmca", beam).diagnostics for beam in BEAMS}
     if not all(found.values()):
         return not_applicable("This method does not iterate in two stages.")
     parts, wording = (), {}

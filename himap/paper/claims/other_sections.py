@@ -247,7 +247,7 @@ def correlation_highest(sky):
     The highest r is the smallest 1 - r, by more than 1 % of it, since r is close to 1. Consistently is in 95
     % of the channels or more: the main part. Another: highest on average over them.
     """
-    distances = {short: 1 - sky.correlation(name) for name, short in METHODS.items()}
+    distances = {short: 1 - sky.assessed(name).correlation for name, short in METHODS.items()}
     share, means = _share_of_sd(distances), {name: row.mean() for name, row in distances.items()}
     parts = (
         Part("SD highest in 95 % of the channels", share >= CONSISTENT, method="SD"),

@@ -6,7 +6,6 @@ about, such as l ~ 40, is that number itself.
 
 import math
 from dataclasses import dataclass
-from statistics import fmean
 
 from scipy.stats import binomtest, norm
 
@@ -57,8 +56,7 @@ IN_PART = "in part"
 UNDECIDED = "undecided"
 FAILED = "not reproduced"
 INAPPLICABLE = "does not apply"
-VERDICTS = (REPRODUCED, IN_PART, UNDECIDED, FAILED, INAPPLICABLE)
-"""From the best to the worst; and where maps or scan do not hold what the claim is about."""
+"""The verdicts, from the best to the worst; and where maps or scan do not hold what the claim is about."""
 
 HOLDS = 0.84
 """Share of the members from which a part holds."""
@@ -108,45 +106,6 @@ class Finding:
     sentence: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class Share:
-    """In what share of the members a part holds.
-
-    Attributes
-    ----------
-    part
-        One `Part` of that name.
-    mean
-        Mean over skies of the share of each sky's restarts.
-    low, high
-        Least and largest share of a sky; of one sky the Wilson interval of its restarts, 1 sigma.
-    absent
-        Share of the members in which its premise is absent.
-    """
-
-    part: Part
-    mean: float
-    low: float
-    high: float
-    absent: float
-
-    @classmethod
-    def of(cls, part, held):
-        """Of {sky: values of `Part.held`, one for each restart}."""
-        skies = [[bool(one) for one in several] for several in held.values()]
-        shares = [sum(several) / len(several) for several in skies]
-        low, high = (min(shares), max(shares)) if len(skies) > 1 else wilson(sum(skies[0]), len(skies[0]))
-        absent = [sum(one is None for one in several) / len(several) for several in held.values()]
-        return cls(part=part, mean=fmean(shares), low=low, high=high, absent=fmean(absent))
-
-    @property
-    def holds(self):
-        """Whether it holds: True, False, or None where it is undecided."""
-        if self.mean >= HOLDS - _ROUNDING:
-            return True
-        return False if self.mean <= HOLDS_NOT + _ROUNDING else None
-
-
 _ROUNDING = 1e-9  # of a share
 
 
@@ -156,21 +115,27 @@ def wilson(count, total, z=1.0):
     return tuple(binomtest(int(count), total).proportion_ci(share, method="wilson"))
 
 
+def holds_in(share):
+    """Whether a part holds that does so in this share of the members: True, False, or None, undecided."""
+    return True if share >= HOLDS - _ROUNDING else False if share <= HOLDS_NOT + _ROUNDING else None
+
+
 def judge_shares(shares):
-    """(verdict, what it says of the methods) of the `Share` of the main parts of a claim, a list.
+    """(verdict, what it says of the methods) of the main parts of a claim, rows of `entries.shares_of`.
 
     A method holds if all its parts do, and fails if one of them does; parts about no single method are each
     by themselves. A claim about several methods is *in part* if it holds for one and fails for another.
     """
+    shares = list(shares.itertuples())
     if not shares:
         return INAPPLICABLE, ""
     groups = {}
     for share in shares:
-        groups.setdefault(share.part.method or share.part.name, []).append(share.holds)
+        groups.setdefault(share.method or share.Index, []).append(share.holds)
     outcome = {name: _all_hold(held) for name, held in groups.items()}
     if all(outcome.values()):
         return REPRODUCED, ""
-    methods = {share.part.method for share in shares} - {""}
+    methods = {share.method for share in shares} - {""}
     by_method = [outcome[name] for name in methods]
     if len(methods) > 1 and True in by_method:
         return (IN_PART, _which(shares, outcome)) if False in outcome.values() else (UNDECIDED, "")

@@ -128,7 +128,7 @@ def prepare(several):
     """Compute what some `JudgedSky` need: readings and restarts share observations and other methods."""
     members = [one for sky in several for one in sky.members]
     assessments = dict.fromkeys(call for one in members for call in one.assessments)
-    facts = dict.fromkeys(fact for one in members for fact in one.facts)
+    facts = dict.fromkeys(fact for one in members for fact in one.facts.values())
     cleaned.make_by_case([*((cleaned.assessment, call) for call in assessments), *facts])
 
 
