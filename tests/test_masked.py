@@ -95,9 +95,8 @@ class TestBlindness:
         assert (two.residual - one.residual)[:, CUT] == pytest.approx(more[:, CUT], abs=1e-4)
 
     def test_all_kept_is_no_mask(self, problem, rng):
-        """Also in whole numbers."""
         maps = noisy(problem[0], 30, rng)
-        whole, masked = (METHOD.clean(maps, **GIVEN, mask=m) for m in (None, np.ones(len(CUT), int)))
+        whole, masked = (METHOD.clean(maps, **GIVEN, mask=m) for m in (None, np.ones(len(CUT), bool)))
         assert largest_angle(whole.separation.mixing, masked.separation.mixing) < 0.02
         assert (whole.residual - masked.residual).std() < 0.1 * whole.residual.std()
 
@@ -112,6 +111,14 @@ def test_a_is_found_from_what_is_farther_inside(problem, rng, monkeypatch):
     monkeypatch.setattr("himap.removal.beam_subspace.inner_weights", ones)
     everywhere = largest_angle(METHOD.separate(Data.of(maps, **GIVEN, mask=CUT)).mixing, mixing)
     assert apart < 0.5 * everywhere
+
+
+def test_weights_are_zero_at_the_edge_and_one_well_inside():
+    beam = sphere.gaussian_beam(np.deg2rad(12.0), 32)
+    weights = inner_weights(sphere.synthesise(inner_alm(CUT, 3 * beam, 32), NSIDE))
+    latitude = np.abs(LATITUDE)
+    assert weights[latitude < 14].max() == 0 and weights[latitude > 15 + 24].min() > 0.99
+    assert 0.3 < weights[(latitude > 20) & (latitude < 24)].mean() < 0.9
 
 
 @pytest.mark.parametrize(
@@ -133,6 +140,11 @@ def test_bad_masks(problem, mask, message):
 def test_a_beam_that_ends_too_early(problem):
     with pytest.raises(InputError, match="must reach l = 32, as beam_subspace does, got b_l to 20"):
         METHOD.clean(problem[0], freqs=FREQS, beams=BEAMS[:, :21], mask=CUT)
+
+
+def test_whole_numbers_are_a_mask(problem):
+    by_mask = [Data.of(problem[0], freqs=FREQS, mask=mask) for mask in (CUT, CUT.astype(int))]
+    assert np.array_equal(*(PCA().separate(data).sources for data in by_mask))
 
 
 def test_bad_pixels_that_are_kept(problem):
