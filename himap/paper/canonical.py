@@ -26,6 +26,7 @@ from himap.instrument import beams
 from himap.instrument.beams import Degraded, FromFile, Oscillating, PerturbedBeam, Rippled
 from himap.paper import choice, cleaned, evidence, leakage, masked, mocks, pipeline
 from himap.paper.experiments import (
+    EXPERIMENTS,
     authors,
     beam_errors,
     boxes,
@@ -39,6 +40,7 @@ from himap.paper.experiments import (
 )
 from himap.paper.grid import Sky
 from himap.paper.realisation import Realisation
+from himap.paper.record import measuring_code
 from himap.removal import (
     GMCA,
     PCA,
@@ -126,6 +128,18 @@ _MEASURED = {
     restarts.measure: JUDGED,
     transfer.measure: Sky(methods={CASE: [PLAIN, AWARE]}, mocks=MOCKS),
 }
+_ON_SKIES = {
+    authors: {},
+    beam_errors: {"methods": [("pca", 3)]},
+    boxes: {},
+    claims: {"n_restarts": 2},
+    flags: {"n_restarts": 2},
+    methods: {"beams": ["oscillating"], "methods": [("pca", 3)], "corrected": ["pca"]},
+    n_sources: {"beams": ["oscillating"], "noises": [1, 2], "methods": ["pca"]},
+    readings: {"n_restarts": 2},
+    restarts: {"n_restarts": 2},
+    transfer: {"methods": [("pca", 3)]},
+}
 _CHOSEN_METHODS = (
     PLAIN,
     FastICA(n_sources=3),
@@ -196,11 +210,22 @@ _PERTURBED = PerturbedBeam(width=0.1, ripple=0.1)
 _BEAMS = {name: _beam(beams.create(name)) for name in beams.available() if name != FromFile.name}
 _BEAMS |= {FromFile.name: _beam_of_file, _PERTURBED.name: _beam(_PERTURBED)}
 
+
+def _skies_of(experiment, parameters):
+    return lambda: repr(experiment.skies(preset="ci", n_realisations=2, **parameters))
+
+
+def codes_of_skies(tree):
+    """{name: digest} of what else the records of the experiments depend on, their skies, in a `CodeTree`."""
+    return {f"skies_{name}": measuring_code(name, tree)["code"] for name in EXPERIMENTS}
+
+
 CALLS = (
     {product.name: [_call_of(product, call) for call in calls] for product, calls in _PRODUCTS.items()}
     | {measure.name: [_call_of(measure, (sky,))] for measure, sky in _MEASURED.items()}
     | {name: [_call_of(cleaned.assessment, (CASE, method))] for name, method in _METHODS.items()}
     | {name: [call] for name, call in _BEAMS.items()}
+    | {f"skies_{one.EXPERIMENT.name}": [_skies_of(one, given)] for one, given in _ON_SKIES.items()}
 )
 """{fixed name: functions without arguments}."""
 

@@ -30,7 +30,7 @@ from himap.store.sources import ROOT, RUN, digest_of, is_ignored, is_look, parse
 from himap.store.syntax import IMPORTS, bound_name
 
 ACCEPTED = ROOT.parent / "book" / "results" / "accepted.json"
-"""Of a checkout: {digest of a definition: digest of the former one with the same numbers}."""
+"""Of a checkout: {digest of a definition, or of all behind a product: one with the same numbers}."""
 
 PROBES = ACCEPTED.with_name("probes.json")
 """The numbers that code is compared with (`himap.store.verify`)."""
@@ -172,7 +172,8 @@ class CodeTree:
                 numbers |= {self._digests[one] for one in edges if one in seen and not self._is_shown(one)}
             elif shown := [self._digests[one] for one in edges if is_look(one[0])]:
                 looks.add(digest_of(shown))
-        return _Summary(digest_of(sorted(numbers)), digest_of(sorted(looks)), tuple(parts), reached)
+        code = digest_of(sorted(numbers))
+        return _Summary(self._accepted.get(code, code), digest_of(sorted(looks)), tuple(parts), reached)
 
     def _is_shown(self, unit):
         """Whether a unit counts for the looks of what only shows numbers: of other packages, all do."""

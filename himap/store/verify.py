@@ -30,13 +30,15 @@ _N_SAMPLES = 32  # of an array, and as many means of its squares
 _DIGITS = 8
 
 
-def verify(calls, *, rtols=None, renew=False, report=print):
+def verify(calls, *, further=None, rtols=None, renew=False, report=print):
     """Call what changed, accept what gives the stored numbers, and store those of what has none.
 
     Parameters
     ----------
     calls
         {fixed name: functions without arguments} of all products and named classes.
+    further
+        Function from a `CodeTree` to {name: digest} of what else has calls.
     rtols
         {name: relative difference up to which its numbers are equal} where that is not `RTOL`.
     renew
@@ -59,7 +61,8 @@ def verify(calls, *, rtols=None, renew=False, report=print):
             f"there is no folder {fingerprint.ACCEPTED.parent}: verify code in a checkout of himap."
         )
     module, probes, others = _module(calls), _stored(fingerprint.PROBES), []
-    tree, names = tree_of(module), moved_names(calls)
+    tree, names = tree_of(module), moved_names(calls, further)
+    former = {name: one["code"] for name, one in probes["calls"].items()}
     if not names:
         report("no product, method or beam changed")
     for name, (given, differing) in compared(calls, names, rtols).items():
@@ -70,18 +73,22 @@ def verify(calls, *, rtols=None, renew=False, report=print):
             probes["calls"][name] = {"gives": given}
         report(f"{name}: {said}{', stored' if differing and renew else ''}")
     behind = tree.digests(module.__name__)
-    refused = {place for name in others for place in behind[name]}
+    refused = {place for name in others for place in behind.get(name, ())}
     agreeing = {place: code for place, code in probes["places"].items() if place not in refused}
     tree = tree_of(module, former=agreeing)
-    codes, places = tree.fingerprint(module.__name__), {}
+    codes, places = codes_of(tree, module, further), {}
     for found in tree.digests(module.__name__).values():
         places |= found
     if not renew:
         places |= {place: code for place, code in probes["places"].items() if place in refused}
+    # What moved to another module, or was split, has no former digest: all behind a product counts at once.
+    agreeing = former.keys() & codes.keys() - {*others}
+    accepts = {codes[name]: former[name] for name in agreeing if codes[name] != former[name]}
     calls_now = {name: probes["calls"][name] for name in sorted(calls)}
     for name in calls_now.keys() - ([] if renew else others):
-        calls_now[name] = {"code": codes[name], "gives": calls_now[name]["gives"]}
-    _store(fingerprint.ACCEPTED, {**fingerprint.accepted_digests(), **tree.accepts})
+        code = accepts.get(codes[name], codes[name])
+        calls_now[name] = {"code": code, "gives": calls_now[name]["gives"]}
+    _store(fingerprint.ACCEPTED, {**fingerprint.accepted_digests(), **tree.accepts, **accepts})
     _store(fingerprint.PROBES, {"calls": calls_now, "places": places})
     return others
 
@@ -102,11 +109,16 @@ def compared(calls, names, rtols=None):
     return found
 
 
-def moved_names(calls):
+def moved_names(calls, further=None):
     """Names whose code counts neither as that of the stored numbers, and those without any."""
-    codes = tree_of(_module(calls)).fingerprint(_module(calls).__name__)
-    probes = _stored(fingerprint.PROBES)["calls"]
+    module, probes = _module(calls), _stored(fingerprint.PROBES)["calls"]
+    codes = codes_of(tree_of(module), module, further)
     return [name for name in calls if probes.get(name, {}).get("code") != codes[name]]
+
+
+def codes_of(tree, module, further=None):
+    """{name: digest} of all that a module has calls of; `further` as of `verify`."""
+    return tree.fingerprint(module.__name__) | (further(tree) if further else {})
 
 
 def _module(calls):

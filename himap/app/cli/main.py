@@ -189,10 +189,10 @@ def verify(renew):
     \b
     himap verify && himap run --stale
     """
-    from himap.paper.canonical import CALLS, RTOLS
+    from himap.paper.canonical import CALLS, RTOLS, codes_of_skies
     from himap.store.verify import verify as accept
 
-    if accept(CALLS, rtols=RTOLS, renew=renew, report=click.echo) and not renew:
+    if accept(CALLS, further=codes_of_skies, rtols=RTOLS, renew=renew, report=click.echo) and not renew:
         raise SystemExit(1)
 
 
