@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -44,19 +45,26 @@ def test_what_is_free_is_the_limit_unless_told_otherwise(monkeypatch):
     assert memory_limit() == 2e9
 
 
-LARGE_BOX, LIGHT_CONE = replace(PAPER, box_cells=2048), {"steps": ["HI light cone"], "in_files": True}
+LARGE_BOX, IN_FILES = replace(PAPER, box_cells=2048), {"steps": ["HI light cone"], "in_files": True}
 
 
-def test_the_paper_fits_24_gb_and_a_box_of_2048_cells_does_in_files(monkeypatch):
-    monkeypatch.setenv(LIMIT_VARIABLE, "24GB")
-    check_memory(PAPER, jobs=2)
-    with pytest.raises(InputError, match=r"HI light cone needs about 10\d GB .* box_cells=1024 fits"):
-        check_memory(LARGE_BOX)
-    check_memory(LARGE_BOX, steps=["cleaning"])
-    monkeypatch.setenv(LIMIT_VARIABLE, "12GB")
-    check_memory(LARGE_BOX, **LIGHT_CONE)
-    with pytest.raises(InputError, match="HI light cone needs about .*: a smaller nside"):
-        check_memory(replace(LARGE_BOX, nside=2048), **LIGHT_CONE)
+@pytest.mark.parametrize(
+    ("limit", "survey", "options", "refusal"),
+    [
+        ("24GB", PAPER, {"jobs": 2}, None),
+        ("24GB", LARGE_BOX, {}, r"HI light cone needs about 10\d GB .* box_cells=1024 fits"),
+        ("24GB", LARGE_BOX, {"steps": ["cleaning"]}, None),
+        ("12GB", LARGE_BOX, IN_FILES, None),
+        ("12GB", replace(LARGE_BOX, nside=2048), IN_FILES, "HI light cone needs about .*: a smaller nside"),
+        ("12GB", PAPER, {"jobs": 2, "steps": ["cleaning"]}, "2 jobs, and 12 GB .* fewer --jobs need less"),
+        ("5GB", PAPER, {"steps": ["cleaning"]}, "a smaller nside or n_channels needs less.*--max-memory"),
+    ],
+)
+def test_what_fits_and_what_would(monkeypatch, limit, survey, options, refusal):
+    """The paper into 24 GB, and a box of 2048 cells in files."""
+    monkeypatch.setenv(LIMIT_VARIABLE, limit)
+    with pytest.raises(InputError, match=refusal) if refusal else nullcontext():
+        check_memory(survey, **options)
 
 
 def test_a_box_that_memory_does_not_hold_is_in_files(monkeypatch):
@@ -71,15 +79,6 @@ def test_a_box_that_memory_does_not_hold_is_in_files(monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda path: nearly_full)
     with pytest.raises(InputError, match=r"hi_of_sky needs 0.0168 GB of disk .* 0.001 GB are free"):
         pipeline.hi_of_sky.compute(survey)
-
-
-def test_ways_out(monkeypatch):
-    monkeypatch.setenv(LIMIT_VARIABLE, "12GB")
-    with pytest.raises(InputError, match="with 2 jobs, and 12 GB may be used: fewer --jobs need less"):
-        check_memory(PAPER, jobs=2, steps=["cleaning"])
-    monkeypatch.setenv(LIMIT_VARIABLE, "5GB")
-    with pytest.raises(InputError, match="a smaller nside or n_channels needs less.*--max-memory"):
-        check_memory(PAPER, steps=["cleaning"])
 
 
 @pytest.mark.parametrize("step", ["sky", "study"])

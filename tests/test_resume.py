@@ -9,10 +9,10 @@ import time
 from functools import partial
 from pathlib import Path
 
+import pytest
+
 import himap
 from himap.store import cache
-
-ROOT = Path(himap.__file__).parents[1]
 
 CHAIN = """
 from himap.instrument.beams import Degraded, Oscillating
@@ -28,22 +28,11 @@ for beam in (Degraded(), Oscillating()):
 """
 
 NOTEBOOK = """\
-# %% [markdown]
-# # A toy
-
 # %% tags=["parameters"]
-preset: str = "ci"  # ci, quick, laptop or paper
-survey: dict = {}  # Survey fields that differ from the preset
 n_sources: int = 2  # components to remove
 
 # %%
-from himap.paper import cleaned, pipeline
-from himap.removal.pca import PCA
-from himap.core.survey import Survey
-
-case = pipeline.Case(survey=Survey.preset(preset, **survey))
-found = cleaned.assessment(case, PCA(n_sources=n_sources)).power_spectra
-print(found.angular.mean.tolist(), found.frequency.power.tolist())
+print(2 * n_sources)
 """
 
 COMMAND = """
@@ -55,14 +44,16 @@ cli.main()
 """
 
 
-def environment(folder):
-    return os.environ | {"HIMAP_CACHE": str(folder), "PYTHONPATH": str(ROOT)}
-
-
 def checksums():
     """{(product, key): checksums} of everything in the cache."""
     notes = cache.cache_folder().glob("*/[0-9a-f]*/note.json")  # not what is being written
     return {note.parts[-3:-1]: json.loads(note.read_text())["files"] for note in notes}
+
+
+def start(*command):
+    """A process, in a session of its own."""
+    words = [sys.executable, "-c", *command]
+    return subprocess.Popen(words, start_new_session=True, stdout=subprocess.DEVNULL)
 
 
 def kill_when(process, ready):
@@ -76,10 +67,9 @@ def kill_when(process, ready):
     return process.wait() == -signal.SIGKILL
 
 
-def start(command, folder):
-    return subprocess.Popen(
-        [sys.executable, *command], env=environment(folder), start_new_session=True, stdout=subprocess.DEVNULL
-    )
+@pytest.fixture(autouse=True)
+def this_library(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(himap.__file__).parents[1]))
 
 
 def test_products(monkeypatch, tmp_path):
@@ -87,20 +77,14 @@ def test_products(monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "killed"))
     unfinished = partial(cache.cache_folder().glob, "*/unfinished-*")
     for n_whole in (1, 5):
-        process = start(["-c", CHAIN], tmp_path / "killed")
-        assert kill_when(process, partial(_so_many_are_there, n_whole))
+        assert kill_when(start(CHAIN), lambda n=n_whole: len(checksums()) >= n)
     left = list(unfinished())
-    assert start(["-c", CHAIN], tmp_path / "killed").wait() == 0
+    assert start(CHAIN).wait() == 0
     found = checksums()
     assert not any(path.exists() for path in left) and not any(unfinished())
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "undisturbed"))
-    assert start(["-c", CHAIN], tmp_path / "undisturbed").wait() == 0
-    expected = checksums()
-    assert found == expected and len(found) > 10
-
-
-def _so_many_are_there(n_whole):
-    return len(checksums()) >= n_whole
+    assert start(CHAIN).wait() == 0
+    assert found == checksums() and len(found) > 10
 
 
 def test_all_notebooks(monkeypatch, tmp_path):
@@ -109,31 +93,18 @@ def test_all_notebooks(monkeypatch, tmp_path):
     for name, n_sources in (("01_one", 2), ("02_two", 3)):
         text = NOTEBOOK.replace("n_sources: int = 2", f"n_sources: int = {n_sources}")
         (tmp_path / "notebooks" / f"{name}.py").write_text(text)
-    script = COMMAND.format(package=str(tmp_path / "himap"))
-    size = ["-p", "nside=16", "-p", "n_channels=40", "-p", "box_cells=32"]
-    command = ["-c", script, "run", "--all", "--preset", "ci", *size]
-    outputs = {}
-    for kind in ("killed", "undisturbed"):
-        (tmp_path / kind).mkdir()
-        monkeypatch.chdir(tmp_path / kind)
-        results = tmp_path / kind / "results"
-        if kind == "killed":
-            kill_when(start(command, tmp_path / kind / "cache"), partial(_one_is_there, results))
-            (first,) = results.glob("*.ipynb")
-            written = first.stat().st_mtime_ns
-        done = subprocess.run(
-            [sys.executable, *command],
-            env=environment(tmp_path / kind / "cache"),
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        if kind == "killed":
-            assert done.stdout.splitlines()[0].endswith("(done before)")
-            assert first.stat().st_mtime_ns == written
-        outputs[kind] = [json.loads(path.read_text())["cells"] for path in sorted(results.glob("*.ipynb"))]
-    assert len(outputs["killed"]) == 2 and outputs["killed"] == outputs["undisturbed"]
-
-
-def _one_is_there(results):
-    return any(results.glob("01_*.ipynb"))
+    monkeypatch.chdir(tmp_path)
+    command = [COMMAND.format(package=str(tmp_path / "himap")), "run", "--all"]
+    outputs = []
+    for is_killed in (True, False):
+        before = {}
+        if is_killed:
+            kill_when(start(*command), lambda: any(Path("results").glob("01_*.ipynb")))
+            before = {path: path.stat().st_mtime_ns for path in Path("results").glob("*.ipynb")}
+        words = [sys.executable, "-c", *command]
+        out = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+        assert ("(done before)" in out.splitlines()[0]) == is_killed == (len(before) == 1)
+        assert all(path.stat().st_mtime_ns == time for path, time in before.items())
+        outputs.append([json.loads(path.read_text())["cells"] for path in sorted(Path("results").iterdir())])
+        Path("results").rename(str(is_killed))
+    assert len(outputs[0]) == 2 and outputs[0] == outputs[1]

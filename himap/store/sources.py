@@ -189,21 +189,22 @@ def digest_of(lines):
 LOADED = {}
 """{source file: its text as this process loaded it}."""
 
-_STATES = {}  # the times and sizes that they had
+_STATES = {}  # {package: {file: the time and size that it had}}
 
 
 @cache
 def note(root):
     """Note the files of a package, or of a single module, which this process loads now."""
-    for file in [root] if root.suffix == ".py" else root.rglob("*.py"):
-        _STATES[file] = _state(file)
-        LOADED[file] = file.read_text(encoding="utf-8")
+    files = [root] if root.suffix == ".py" else root.rglob("*.py")
+    _STATES[root] = {file: _state(file) for file in files}
+    LOADED.update({file: file.read_text(encoding="utf-8") for file in _STATES[root]})
 
 
-def edited():
-    """{file: its time and size now, None if it is gone} of files that are others than this process loaded."""
-    now = {file: _state(file) for file in _STATES}
-    return {file: state for file, state in now.items() if state != _STATES[file]}
+def edited(roots):
+    """{file: its time and size now, None if it is gone} of the files of noted packages that were edited."""
+    then = {file: state for root in roots for file, state in _STATES[root].items()}
+    now = {file: _state(file) for file in then}
+    return {file: state for file, state in now.items() if state != then[file]}
 
 
 def _state(file):

@@ -229,7 +229,8 @@ def is_current(objects):
 
     It looks at the times and sizes of files, and reads again only those that have changed.
     """
-    edited = frozenset(sources.edited().items())
+    roots = {sources.ROOT, *(place(obj)[0][1] for obj in objects)}
+    edited = frozenset(sources.edited(roots).items())
     return not edited or _digest(objects, accepted_version(), edited) == code_digest(objects)
 
 
