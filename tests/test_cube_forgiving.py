@@ -17,14 +17,8 @@ from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.cubes.writing import check_columns
 from himap.instrument import beams
 
-pytestmark = pytest.mark.usefixtures("no_pages")
+pytestmark = pytest.mark.usefixtures("no_pages", "here")
 PCA = ("--method", "pca", "-p", "n_sources=2")
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def run(*words, code=0):

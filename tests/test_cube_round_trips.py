@@ -18,7 +18,7 @@ from image_files import SKY, STOKES, header_of
 
 from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.maps.frames import frame_of
-from himap.maps.healpix_io import MILLIKELVIN
+from himap.maps.healpix_io import MILLIKELVIN, write_maps
 
 NSIDE, N_CHANNELS, SHAPE = 4, 9, (5, 6)
 N_PIX = 12 * NSIDE**2
@@ -109,6 +109,13 @@ def write_packed(path):
     hdu.writeto(path)
 
 
+def expected(kind):
+    """The maps of a kind of file, mK, by ascending frequency; pixels that it has not are of no account."""
+    if kind == "packed.fits":
+        return 1e3 * (0.5 * np.round(sky(30)[::-1]) + 100)
+    return sky(N_PIX if kind in ("a.h5", "table.fits", "partial.fits", "folder") else 30)
+
+
 KINDS = {
     "a.h5": write_hdf5,
     "table.fits": write_table,
@@ -140,6 +147,13 @@ def by_other_readers(path, layout):
             return file["residual"][...].reshape(len(layout.freqs), -1)
     if layout.pixels.whole_sky:
         maps = hp.read_map(path, field=None, nest=None, dtype=None, partial=False)
+        if layout.pixels.partial:
+            header, (seen,) = fits.getheader(path, 1), np.nonzero((maps != hp.UNSEEN).any(axis=0))
+            assert (header["INDXSCHM"], header["OBJECT"]) == ("EXPLICIT", "PARTIAL")
+            assert (
+                np.array_equal(fits.getdata(path)["PIXEL"], seen)
+                and header["ORDERING"] == layout.pixels.order
+            )
         return np.where(maps == hp.UNSEEN, np.nan, maps)
     parts = []
     with fits.open(path) as file, warnings.catch_warnings(action="ignore", category=AstropyWarning):
@@ -176,6 +190,9 @@ def test_what_was_written_is_read_again(kind, ending, tmp_path):
     path, target = tmp_path / kind, tmp_path / f"c.{ending}"
     KINDS[kind](path)
     cube = read_cube(path)
+    assert cube.maps == pytest.approx(expected(kind)[:, cube.mask], rel=1e-6)
+    if kind == "partial.fits":
+        assert not cube.mask[:7].any() and cube.mask[7:].all()
     cleaned = clean_cube(cube, "pca", n_sources=1)
     save_cleaned(cleaned, target)
     check_written(path, cube, cleaned, target)
@@ -280,3 +297,16 @@ def test_as_many_channels_as_a_sphere_has_pixels(tmp_path, rng):
     cleaned = clean_cube(read_cube(path), "pca", n_sources=1)
     save_cleaned(cleaned, tmp_path / "c.h5")
     assert np.allclose(read_cube(tmp_path / "c.h5").maps, cleaned.residual, atol=1e-6)
+
+
+def test_a_part_of_the_sky_whose_first_channel_sees_nothing(tmp_path):
+    """healpy takes the pixels from the first map alone."""
+    maps = sky(N_PIX).astype("f8")
+    maps[0], maps[:, :90] = np.nan, np.nan
+    names = [f"{freq:.6f} MHz" for freq in FREQS]
+    write_maps(tmp_path / "a.fits", maps.copy(), names=names, unit="mK", nested=False, partial=True)
+    cube = read_cube(tmp_path / "a.fits")
+    assert len(cube.freqs) == N_CHANNELS - 1 and cube.mask.sum() == N_PIX - 90
+    save_cleaned(clean_cube(cube, "pca", n_sources=2), tmp_path / "c.fits")
+    assert len(fits.getdata(tmp_path / "c.fits")) == N_PIX - 90
+    assert np.allclose(read_cube(tmp_path / "c.fits").freqs, FREQS[1:])
