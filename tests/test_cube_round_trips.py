@@ -101,19 +101,26 @@ def write_tabulated(path):
 
 
 def write_packed(path):
-    """Integers with BSCALE, BZERO and BLANK, compressed by tiles."""
+    """Integers with BSCALE, BZERO and BLANK."""
     hdu = fits.ImageHDU(np.round(sky(30)).astype(np.int16).reshape(-1, *SHAPE))
     hdu.header.update(header_of((*SKY["CAR"], ("FREQ", DOWN[0] * 1e6, 1.0, -1.25e6, "Hz")), BUNIT="K"))
     hdu.data[:, 0, 0] = -99
-    hdu.header.update(BSCALE=0.5, BZERO=100.0, BLANK=-99)
+    hdu.header["BLANK"] = -99
     hdu.writeto(path)
+    with fits.open(path, mode="update", do_not_scale_image_data=True) as file:
+        file[1].header.update(BSCALE=0.5, BZERO=100.0)
+
+
+def to_ring(maps):
+    return np.array([hp.reorder(row, n2r=True) for row in maps])
 
 
 def expected(kind):
     """The maps of a kind of file, mK, by ascending frequency; pixels that it has not are of no account."""
     if kind == "packed.fits":
         return 1e3 * (0.5 * np.round(sky(30)[::-1]) + 100)
-    return sky(N_PIX if kind in ("a.h5", "table.fits", "partial.fits", "folder") else 30)
+    maps = sky(N_PIX if kind in ("a.h5", "table.fits", "partial.fits", "folder") else 30)
+    return to_ring(maps) if kind in ("a.h5", "partial.fits") else maps
 
 
 KINDS = {
@@ -192,7 +199,7 @@ def test_what_was_written_is_read_again(kind, ending, tmp_path):
     cube = read_cube(path)
     assert cube.maps == pytest.approx(expected(kind)[:, cube.mask], rel=1e-6)
     if kind == "partial.fits":
-        assert not cube.mask[:7].any() and cube.mask[7:].all()
+        assert np.array_equal([~cube.mask], to_ring([1.0 * (np.arange(N_PIX) < 7)]))
     cleaned = clean_cube(cube, "pca", n_sources=1)
     save_cleaned(cleaned, target)
     check_written(path, cube, cleaned, target)
@@ -307,6 +314,6 @@ def test_a_part_of_the_sky_whose_first_channel_sees_nothing(tmp_path):
     write_maps(tmp_path / "a.fits", maps.copy(), names=names, unit="mK", nested=False, partial=True)
     cube = read_cube(tmp_path / "a.fits")
     assert len(cube.freqs) == N_CHANNELS - 1 and cube.mask.sum() == N_PIX - 90
-    save_cleaned(clean_cube(cube, "pca", n_sources=2), tmp_path / "c.fits")
+    save_cleaned(clean_cube(cube, "pca", n_sources=2, peaks=False), tmp_path / "c.fits")
     assert len(fits.getdata(tmp_path / "c.fits")) == N_PIX - 90
     assert np.allclose(read_cube(tmp_path / "c.fits").freqs, FREQS[1:])
