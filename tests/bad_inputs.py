@@ -433,6 +433,13 @@ for content in (b"9\xe9\n", b"", b"1 2\n3\n"):
     for option, more in (("--freqs", "good.npy --unit mK"), ("--beam", "good.h5")):
         write = partial(Path("f.txt").write_bytes, 24 * content)
         add(f"{option} {content!r:.20}", f"{more} {option} f.txt", "f.txt", write)
+for content, message in (
+    (b"\nfreq_MHz\n950\n951", "must hold numbers alone, got 'freq_MHz' before them; put #"),
+    ("950\n951".encode("utf-16"), "is no text in UTF-8"),
+    (b"950.0 MHz\n951", "is no table of numbers"),
+):
+    write = partial(Path("f.txt").write_bytes, content)
+    add(f"--freqs {content!r}", "good.npy --unit mK --freqs f.txt", f"f.txt {message}", write)
 for text in (
     "950,5\n951,0\n951,5\n",
     "950\n950,5\n951\n",

@@ -137,9 +137,7 @@ class TestNames:
         plain = "".join(filter(str.isalpha, name)).lower()
         assert removal.create(name).name.replace("_", "") == plain
 
-    def test_others_are_refused_with_the_nearest(self):
-        with pytest.raises(InputError, match=r"'fastca' \(did you mean fastica\?\); there are beam_subspace"):
-            removal.create("fastca")
+    def test_others_are_refused(self):
         for name in ("", "__init__", "base", "_", 3):
             with pytest.raises(InputError, match="unknown method"):
                 removal.create(name)
