@@ -107,6 +107,13 @@ def himap_command(tmp_path, monkeypatch):
 
 
 @pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A folder that is empty, and the current one."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
 def no_pages(monkeypatch):
     """Commands on cubes write empty pages: to draw them takes longer than all the rest."""
     monkeypatch.setattr("himap.cubes.report.write_report", lambda cleaned, path, **_: Path(path).touch())

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 from astropy.wcs import WCS
-from bad_inputs import FREQS, N_PIX, good_maps, write_fits, write_folder, write_hdf5
+from bad_inputs import FREQS, N_PIX, good_maps, write_folder, write_hdf5
 from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, power_law_images, write_image
 
 from himap.core.errors import InputError
@@ -20,13 +20,9 @@ from himap.cubes.files import read_truth
 from himap.cubes.names import check_names
 from himap.cubes.weights import read_mask
 
+pytestmark = pytest.mark.usefixtures("here")
+
 MHZ = 980 + 2.0 * np.arange(N_CHANNELS)
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.fixture
@@ -39,15 +35,6 @@ class TestAxes:
 
     def write(self, images, axes=SKY["ZEA"], **cards):
         write_image("turned.fits", images.transpose(2, 1, 0), axes=axes, **cards)
-
-    def test_a_header_of_fewer_axes_than_the_array_is_refused(self, images):
-        for axes in (SKY["ZEA"], (*SKY["ZEA"], FREQ)):
-            self.write(images, axes, WCSAXES=2)
-            with pytest.raises(
-                InputError, match=r"turned.fits.* 20 x 12 x 16 .*transpose.*--axes ra,dec,freq"
-            ):
-                read_cube("turned.fits", freqs=MHZ)
-            os.remove("turned.fits")
 
     @pytest.mark.parametrize("axes", [SKY["ZEA"], (*SKY["ZEA"], FREQ), (FREQ, *SKY["ZEA"])])
     def test_named_axes_and_the_way_back(self, images, axes):
@@ -66,23 +53,9 @@ class TestAxes:
             truth = read_truth("turned.fits", axes="ra,dec,freq", freqs=MHZ)
             assert np.array_equal(truth.maps, cube.maps)
 
-    def test_a_header_that_fits_the_array_turned_round_is_doubted(self, images, rng):
-        """Where foregrounds dominate; neither for them in the right order nor for noise in any."""
-        doubt = "--axes ra,dec,freq"
-        self.write(images, (*SKY["ZEA"], FREQ))
-        assert doubt in " ".join(read_cube("turned.fits").remarks)
-        assert doubt not in " ".join(read_cube("turned.fits", axes="ra,dec,freq").remarks)
-        images[:, :3] = np.nan
-        write_image("right.fits", images)
-        noise = rng.standard_normal(images.shape).astype("f4")
-        for n, order in enumerate(((0, 1, 2), (2, 1, 0))):
-            write_image(f"noise{n}.fits", noise.transpose(order))
-        for name in ("right.fits", "noise0.fits", "noise1.fits"):
-            assert doubt not in " ".join(read_cube(name).remarks)
-
     @pytest.mark.parametrize("gain", [0, 0.05])
-    def test_of_a_smooth_sky_too(self, gain, rng):
-        """Whose lines a few modes would hold; neither growing gaps nor gains of channels are doubted."""
+    def test_a_header_that_fits_the_array_turned_round_is_doubted(self, gain, rng):
+        """Of a sky whose lines a few modes would hold; neither growing gaps nor gains of channels are."""
         y, x = np.mgrid[:N_Y, :N_X]
         sky, spectrum = 4 + np.sin(x / 3) + np.cos(y / 3), (MHZ / 1e3) ** -2.7
         spectrum = spectrum * (1 + gain * rng.standard_normal(N_CHANNELS))
@@ -94,24 +67,12 @@ class TestAxes:
         write_image("right.fits", images)
         assert "--axes" not in " ".join(read_cube("right.fits").remarks)
 
-    @pytest.mark.parametrize("name", ["FREQ-XYZ", "FREQ-TAB", "VELO"])
-    def test_coordinates_that_nobody_understands(self, images, name):
-        write_image("a.fits", images, axes=(*SKY["SIN"], (name, *FREQ[1:])))
-        with pytest.raises(InputError, match="a.fits: the world coordinates .* correct CTYPE"):
-            read_cube("a.fits")
-
     def test_with_stokes_that_the_header_alone_has(self, images):
         self.write(images, (*SKY["ZEA"], STOKES, FREQ), WCSAXES=4)
         cleaned = clean_cube(read_cube("turned.fits", axes="ra,dec,freq"), "pca", n_sources=2)
         save_cleaned(cleaned, "c.fits")
         assert fits.getdata("c.fits").shape == (N_CHANNELS, 1, N_Y, N_X)
         assert np.array_equal(read_cube("c.fits").maps, cleaned.residual)
-
-    @pytest.mark.parametrize("axes", ["ra,dec", "ra,ra,freq", "time,dec,freq", "", "pixel,freq"])
-    def test_names_that_are_none(self, images, axes):
-        self.write(images)
-        with pytest.raises(InputError, match="such as ra,dec,freq"):
-            read_cube("turned.fits", axes=axes, freqs=MHZ)
 
     @pytest.mark.parametrize("kind", ["", "LINEAR"])
     def test_channels_without_a_type_have_the_frequencies_that_are_given(self, images, kind):
@@ -148,17 +109,6 @@ class TestAxes:
         assert np.allclose(read_cube("a.fits").freqs, MHZ)
         save_cleaned(clean_cube(read_cube("a.fits"), "pca", n_sources=2), "c.fits")
         assert fits.getheader("c.fits")["CTYPE3"] == name
-
-    @pytest.mark.parametrize("unit", ["K (Tmb)", "K (Tb)", "K_Tb", "mK Tmb"])
-    def test_units_of_spectral_line_programs(self, images, unit):
-        scale = 1 if unit.startswith("m") else 1e-3
-        write_image("a.fits", images * np.float32(scale), BUNIT=unit)
-        assert read_cube("a.fits").maps == pytest.approx(images.reshape(N_CHANNELS, -1), rel=1e-6)
-
-    def test_antenna_temperature_is_another_unit(self, images):
-        write_image("a.fits", images, BUNIT="K (Ta*)")
-        with pytest.raises(InputError, match=r"a.fits.*K \(Ta\*\).*BUNIT"):
-            read_cube("a.fits")
 
 
 class TestOrderOfFiles:
@@ -200,6 +150,8 @@ class TestOrderOfFiles:
         names = sorted(f"2024{1 + n % 9:02d}01_ch{n:02d}.fits" for n in range(12))
         with pytest.raises(InputError, match="says another order: rename the files"):
             check_names(names, freqs)
+        with pytest.raises(InputError, match="says another order"):
+            check_names([f"day{20 + n:02d}_ch{11 - n:02d}.fits" for n in range(12)], freqs)
         check_names(sorted(f"2024{1 + n // 4:02d}01_ch{n:02d}.fits" for n in range(12)), freqs)
 
     def test_numbers_that_may_be_decimals_or_not(self):
@@ -221,11 +173,6 @@ class TestOrderOfFiles:
         )
         with pytest.raises(InputError, match="mean.fits.*one frequency for each of the 24 channels, got 23"):
             read_cube("folder", freqs=FREQS[:23])
-
-    def test_some_names_have_a_frequency(self, here):
-        write_folder("folder", [f"{freq:g}MHz" for freq in FREQS[:23]] + ["mean"])
-        with pytest.raises(InputError, match="but not mean.fits"):
-            read_cube("folder")
 
 
 class TestFormats:
@@ -264,12 +211,6 @@ class TestFormats:
         with pytest.raises(InputError, match="filter that is not installed here, zstd"):
             read_cube("a.h5")
 
-    def test_complex_numbers(self):
-        write_hdf5("a.h5", good_maps().astype(complex))
-        for options in ({}, {"maps_name": "maps"}):
-            with pytest.raises(InputError, match="a.h5 has complex numbers.*real"):
-                read_cube("a.h5", **options)
-
     def test_a_file_that_another_program_has_locked(self):
         write_hdf5("a.h5")
         with open("a.h5", "r+") as file:
@@ -284,11 +225,6 @@ class TestFormats:
         said = f"Unable to open file (unable to lock file, errno = {number}, error message = 'No locks')"
         monkeypatch.setattr(h5py, "File", lambda *_: (_ for _ in ()).throw(OSError(said)))
         with pytest.raises(InputError, match="HDF5_USE_FILE_LOCKING=FALSE"):
-            read_cube("a.h5")
-
-    def test_frequencies_in_an_attribute(self):
-        write_hdf5("a.h5", freqs_name=None, said={"unit": "mK", "order": "RING", "nus": FREQS})
-        with pytest.raises(InputError, match="an attribute nus of that many numbers"):
             read_cube("a.h5")
 
 
@@ -333,23 +269,3 @@ class TestLogical:
         np.save("m.npy", kept.T)
         with pytest.raises(InputError, match="m.npy must have the shape"):
             read_mask("m.npy", layout)[0]
-
-
-def test_every_error_names_the_file():
-    for n, (maps, freqs, unit) in enumerate(
-        (
-            (good_maps(), FREQS[::-1] * 0 + 950, "mK"),
-            (good_maps(), -FREQS, "mK"),
-            (0 * good_maps(), FREQS, "mK"),
-            (np.full((24, N_PIX), np.nan), FREQS, "mK"),
-            (good_maps(), FREQS, "K km/s"),
-        )
-    ):
-        write_hdf5(f"cube{n}.h5", maps, freqs=freqs, said={"unit": unit, "order": "RING"})
-        with pytest.raises(InputError, match=f"cube{n}.h5"):
-            read_cube(f"cube{n}.h5")
-    write_fits("a.fits", good_maps()[:2], column_units="K km/s", column_names=["950 MHz", "960 MHz"])
-    with pytest.raises(InputError, match="a.fits.*TUNIT"):
-        read_cube("a.fits")
-    with pytest.raises(InputError, match="cube4.h5.*attribute unit"):
-        read_cube("cube4.h5")

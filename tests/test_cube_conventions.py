@@ -21,7 +21,7 @@ from himap.cubes.layout import Layout, SpherePixels
 from himap.cubes.weights import read_mask
 from himap.maps.healpix_io import read_maps
 
-pytestmark = pytest.mark.usefixtures("no_pages")
+pytestmark = pytest.mark.usefixtures("no_pages", "here")
 
 
 @pytest.fixture
@@ -29,22 +29,24 @@ def maps():
     return good_maps()
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 class TestHDF5:
-    @pytest.mark.parametrize("name", ["freq", "Freqs", "frequency", "frequencies", "nu", "nus", "freq_mhz"])
-    def test_names_of_frequencies(self, name, maps):
-        write_hdf5("a.h5", freqs_name=f"index_map/{name}", more={"freq_weights": np.ones(24)})
+    @pytest.mark.parametrize(
+        ("options", "scale"),
+        [
+            *(
+                ({"freqs_name": f"index_map/{name}", "more": {"freq_weights": np.ones(24)}}, 1)
+                for name in ("freq", "Freqs", "frequency", "frequencies", "nu", "nus", "freq_mhz")
+            ),
+            ({"freqs_name": "nu_ghz", "freqs": FREQS / 1e3}, 1),
+            ({"order_of_fit": 3, "unit_of_weights": "1/K"}, 1),
+            ({"said": {"order": "RING"}, "units": np.bytes_("\u00b5K".encode("latin-1"))}, 1e3),
+        ],
+    )
+    def test_names_of_frequencies_and_units(self, options, scale, maps):
+        write_hdf5("a.h5", scale * maps, **options)
         cube = read_cube("a.h5")
-        assert np.array_equal(cube.freqs, FREQS) and cube.layout.freqs_from == f"the dataset index_map/{name}"
-
-    def test_the_unit_in_a_name(self):
-        write_hdf5("a.h5", freqs_name="nu_ghz", freqs=FREQS / 1e3)
-        assert read_cube("a.h5").freqs == pytest.approx(FREQS)
+        assert cube.maps == pytest.approx(maps, rel=1e-6) and cube.freqs == pytest.approx(FREQS)
+        assert cube.layout.freqs_from == f"the dataset {options.get('freqs_name', 'freqs')}"
 
     def test_frequencies_that_stand_there_twice(self):
         write_hdf5("a.h5", more={"sky/nu": FREQS})
@@ -69,14 +71,6 @@ class TestHDF5:
         write_hdf5("a.h5", packed, **attributes)
         cube = read_cube("a.h5")
         assert cube.maps == pytest.approx(np.delete(maps, 3, axis=1), abs=0.26) and not cube.mask[3]
-
-    def test_other_attributes_that_begin_like_these(self, maps):
-        write_hdf5("a.h5", order_of_fit=3, unit_of_weights="1/K")
-        assert np.array_equal(read_cube("a.h5").maps, maps)
-
-    def test_microkelvin_in_latin_1(self, maps):
-        write_hdf5("a.h5", 1e3 * maps, said={"order": "RING"}, units=np.bytes_("\u00b5K".encode("latin-1")))
-        assert read_cube("a.h5").maps == pytest.approx(maps, rel=1e-6)
 
     def test_a_dataset_of_a_type_that_numpy_does_not_have(self, maps):
         write_hdf5("a.h5")

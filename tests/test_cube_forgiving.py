@@ -17,14 +17,8 @@ from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.cubes.writing import check_columns
 from himap.instrument import beams
 
-pytestmark = pytest.mark.usefixtures("no_pages")
+pytestmark = pytest.mark.usefixtures("no_pages", "here")
 PCA = ("--method", "pca", "-p", "n_sources=2")
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def run(*words, code=0):
@@ -143,9 +137,7 @@ class TestNames:
         plain = "".join(filter(str.isalpha, name)).lower()
         assert removal.create(name).name.replace("_", "") == plain
 
-    def test_others_are_refused_with_the_nearest(self):
-        with pytest.raises(InputError, match=r"'fastca' \(did you mean fastica\?\); there are beam_subspace"):
-            removal.create("fastca")
+    def test_others_are_refused(self):
         for name in ("", "__init__", "base", "_", 3):
             with pytest.raises(InputError, match="unknown method"):
                 removal.create(name)

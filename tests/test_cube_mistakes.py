@@ -9,7 +9,7 @@ from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder,
 from cube_files import himap
 
 from himap.core.errors import InputError
-from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, write_report
+from himap.cubes import clean_cube, read_cube, save_cleaned, write_report
 from himap.cubes.files import read_truth
 from himap.removal.pca import PCA
 
@@ -22,10 +22,8 @@ def maps():
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def good(here):
     write_hdf5("good.h5")
-    return tmp_path
 
 
 class TestReading:
@@ -81,9 +79,6 @@ class TestReading:
         write_hdf5("b.h5", maps)
         remarks = " ".join(read_cube("b.h5").remarks)
         assert "1 channels have one value everywhere" in remarks and "965 MHz" in remarks
-        write_hdf5("c.h5", np.zeros_like(maps))
-        with pytest.raises(InputError, match="all maps are zero"):
-            read_cube("c.h5")
 
     @pytest.mark.parametrize("name", ["c.fits", "c.h5"])
     def test_blind_channels_come_back_with_their_frequency(self, name, maps):
@@ -96,21 +91,6 @@ class TestReading:
 
 
 class TestBeams:
-    @pytest.mark.parametrize(
-        ("numbers", "message"),
-        [
-            (np.full(24, 0.028), "FWHM in degrees, between"),  # rad
-            (np.full(24, 96.0), "FWHM in degrees, between"),  # arcmin
-            (np.column_stack([FREQS, np.full(24, 1.6)]), r"for widths give one FWHM \(deg\) a line"),
-            (7 * np.ones((24, 12)), "1 at l = 0"),
-            (1 + 0.1 * np.arange(12) * np.ones((24, 1)), "nowhere more"),
-        ],
-    )
-    def test_what_cannot_be_a_beam(self, numbers, message):
-        np.save("beam.npy", numbers)
-        with pytest.raises(InputError, match=message):
-            beams_of(read_cube("good.h5"), "beam.npy")
-
     def test_the_command_says_how_wide_they_are(self):
         method = ["--method", "sdecgmca", "-p", "noise=0.1", "-p", "beyond=cut", "--restarts", 1]
         done = himap("clean", "good.h5", *method, "--beam", "evolving", "--dish", 2, "-o", "c.h5")

@@ -18,7 +18,7 @@ from image_files import SKY, STOKES, header_of
 
 from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.maps.frames import frame_of
-from himap.maps.healpix_io import MILLIKELVIN
+from himap.maps.healpix_io import MILLIKELVIN, write_maps
 
 NSIDE, N_CHANNELS, SHAPE = 4, 9, (5, 6)
 N_PIX = 12 * NSIDE**2
@@ -101,12 +101,26 @@ def write_tabulated(path):
 
 
 def write_packed(path):
-    """Integers with BSCALE, BZERO and BLANK, compressed by tiles."""
+    """Integers with BSCALE, BZERO and BLANK."""
     hdu = fits.ImageHDU(np.round(sky(30)).astype(np.int16).reshape(-1, *SHAPE))
     hdu.header.update(header_of((*SKY["CAR"], ("FREQ", DOWN[0] * 1e6, 1.0, -1.25e6, "Hz")), BUNIT="K"))
     hdu.data[:, 0, 0] = -99
-    hdu.header.update(BSCALE=0.5, BZERO=100.0, BLANK=-99)
+    hdu.header["BLANK"] = -99
     hdu.writeto(path)
+    with fits.open(path, mode="update", do_not_scale_image_data=True) as file:
+        file[1].header.update(BSCALE=0.5, BZERO=100.0)
+
+
+def to_ring(maps):
+    return np.array([hp.reorder(row, n2r=True) for row in maps])
+
+
+def expected(kind):
+    """The maps of a kind of file, mK, by ascending frequency; pixels that it has not are of no account."""
+    if kind == "packed.fits":
+        return 1e3 * (0.5 * np.round(sky(30)[::-1]) + 100)
+    maps = sky(N_PIX if kind in ("a.h5", "table.fits", "partial.fits", "folder") else 30)
+    return to_ring(maps) if kind in ("a.h5", "partial.fits") else maps
 
 
 KINDS = {
@@ -140,6 +154,13 @@ def by_other_readers(path, layout):
             return file["residual"][...].reshape(len(layout.freqs), -1)
     if layout.pixels.whole_sky:
         maps = hp.read_map(path, field=None, nest=None, dtype=None, partial=False)
+        if layout.pixels.partial:
+            header, (seen,) = fits.getheader(path, 1), np.nonzero((maps != hp.UNSEEN).any(axis=0))
+            assert (header["INDXSCHM"], header["OBJECT"]) == ("EXPLICIT", "PARTIAL")
+            assert (
+                np.array_equal(fits.getdata(path)["PIXEL"], seen)
+                and header["ORDERING"] == layout.pixels.order
+            )
         return np.where(maps == hp.UNSEEN, np.nan, maps)
     parts = []
     with fits.open(path) as file, warnings.catch_warnings(action="ignore", category=AstropyWarning):
@@ -176,6 +197,9 @@ def test_what_was_written_is_read_again(kind, ending, tmp_path):
     path, target = tmp_path / kind, tmp_path / f"c.{ending}"
     KINDS[kind](path)
     cube = read_cube(path)
+    assert cube.maps == pytest.approx(expected(kind)[:, cube.mask], rel=1e-6)
+    if kind == "partial.fits":
+        assert np.array_equal([~cube.mask], to_ring([1.0 * (np.arange(N_PIX) < 7)]))
     cleaned = clean_cube(cube, "pca", n_sources=1)
     save_cleaned(cleaned, target)
     check_written(path, cube, cleaned, target)
@@ -280,3 +304,16 @@ def test_as_many_channels_as_a_sphere_has_pixels(tmp_path, rng):
     cleaned = clean_cube(read_cube(path), "pca", n_sources=1)
     save_cleaned(cleaned, tmp_path / "c.h5")
     assert np.allclose(read_cube(tmp_path / "c.h5").maps, cleaned.residual, atol=1e-6)
+
+
+def test_a_part_of_the_sky_whose_first_channel_sees_nothing(tmp_path):
+    """healpy takes the pixels from the first map alone."""
+    maps = sky(N_PIX).astype("f8")
+    maps[0], maps[:, :90] = np.nan, np.nan
+    names = [f"{freq:.6f} MHz" for freq in FREQS]
+    write_maps(tmp_path / "a.fits", maps.copy(), names=names, unit="mK", nested=False, partial=True)
+    cube = read_cube(tmp_path / "a.fits")
+    assert len(cube.freqs) == N_CHANNELS - 1 and cube.mask.sum() == N_PIX - 90
+    save_cleaned(clean_cube(cube, "pca", n_sources=2, peaks=False), tmp_path / "c.fits")
+    assert len(fits.getdata(tmp_path / "c.fits")) == N_PIX - 90
+    assert np.allclose(read_cube(tmp_path / "c.fits").freqs, FREQS[1:])

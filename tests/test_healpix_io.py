@@ -159,8 +159,8 @@ class TestUnits:
     @pytest.mark.parametrize(
         ("name", "factor", "spellings"),
         [
-            ("K", 1e3, ["K", "k", "Kelvin", "K_RJ", "K_{RJ}", "K (RJ)", "KRJ"]),
-            ("mK", 1, ["mK", "MK", " mk ", "millikelvin", "mK_RJ", "mK RJ"]),
+            ("K", 1e3, ["K", "k", "Kelvin", "K_RJ", "K_{RJ}", "K (RJ)", "KRJ", "K (Tmb)", "K_Tb"]),
+            ("mK", 1, ["mK", "MK", " mk ", "millikelvin", "mK_RJ", "mK RJ", "mK Tmb"]),
             ("uK", 1e-3, ["uK", "\u00b5K", "\u03bcK", "microKelvin", "uK_RJ", "\u03bcK_RJ"]),
         ],
     )

@@ -14,8 +14,7 @@ DOWN = ("FREQ", 1018e6, 1.0, -2e6, "Hz")
 
 
 @pytest.fixture(autouse=True)
-def maps(rng, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def maps(rng, here):
     maps = power_law_images(rng)
     write_image("cube.fits", maps)
     return maps

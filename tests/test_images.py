@@ -24,51 +24,15 @@ def maps(rng):
 
 class TestReading:
     @pytest.mark.parametrize("projection", SKY)
-    @pytest.mark.parametrize("unit", ["K", "mK", "uK"])
-    def test_frequencies_and_sky_are_those_of_astropy(self, maps, projection, unit, tmp_path):
-        scale = {"K": 1e-3, "mK": 1, "uK": 1e3}[unit]
-        axes = (*SKY[projection], FREQ)
-        path = write_image(tmp_path / "a.fits", (scale * maps).astype("f4"), axes=axes, BUNIT=unit)
+    def test_frequencies_and_sky_are_those_of_astropy(self, maps, projection, tmp_path):
+        path = write_image(tmp_path / "a.fits", maps, axes=(*SKY[projection], FREQ))
         cube = read_cube(path)
-        assert cube.maps == pytest.approx(maps.reshape(N_CHANNELS, -1), rel=1e-6)
         wcs = WCS(fits.getheader(path))
         freqs = wcs.all_pix2world(0, 0, np.arange(N_CHANNELS), 0)[2] / 1e6
         assert np.allclose(cube.freqs, freqs, rtol=1e-12)
         x, y = np.meshgrid(np.arange(N_X), np.arange(N_Y))
         expected = wcs.all_pix2world(x, y, 0, 0)[:2]
         assert np.allclose(cube.layout.pixels.celestial.all_pix2world(x, y, 0), expected)
-
-    @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 0, 2), (2, 0, 1)])
-    @pytest.mark.parametrize("freq", [FREQ, DOWN])
-    def test_axes_in_any_order(self, maps, order, freq, tmp_path):
-        """`order` is that of numpy, of frequency, y and x."""
-        given = maps[::-1] if freq is DOWN else maps
-        axes = [(freq, SKY["SIN"][1], SKY["SIN"][0])[axis] for axis in reversed(order)]
-        cube = read_cube(write_image(tmp_path / "a.fits", given.transpose(order), axes=axes))
-        x_first = order.index(2) < order.index(1)
-        expected = maps.transpose(0, 2, 1) if x_first else maps
-        assert np.array_equal(cube.maps.reshape(-1, *cube.layout.pixels.shape), expected)
-        assert np.allclose(cube.freqs, MHZ)
-        celestial = cube.layout.pixels.celestial
-        assert celestial.wcs.ctype[0] == ("DEC--SIN" if x_first else "RA---SIN")
-
-    @pytest.mark.parametrize("kind", [fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU])
-    def test_stokes_of_one_in_any_hdu_in_ghz(self, maps, kind, tmp_path):
-        axes = (*SKY["CAR"], STOKES, ("FREQ", 0.98, 1.0, 0.002, "GHz"))
-        options = {"axes": axes, "kind": kind}
-        given = maps[:, None]
-        if kind is fits.CompImageHDU:  # without loss: integers, scaled
-            given = np.round(given).astype(np.int32)
-        cube = read_cube(write_image(tmp_path / "a.fits", given, **options))
-        assert np.array_equal(cube.maps, given.reshape(N_CHANNELS, -1).astype("f4"))
-        assert np.allclose(cube.freqs, MHZ)
-
-    def test_axes_that_only_the_header_has(self, maps, tmp_path):
-        """A folder with an image of two axes for each channel."""
-        for n, image in enumerate(maps):
-            axes = (*SKY["SIN"], ("FREQ", 1e6 * MHZ[n], 1.0, 1e6, "Hz"), STOKES)
-            write_image(tmp_path / f"{n}.fits", image, axes=axes, WCSAXES=4)
-        assert np.array_equal(read_cube(tmp_path).maps, maps.reshape(N_CHANNELS, -1))
 
     def test_blank_pixels_are_masked_in_all_channels(self, maps, tmp_path):
         maps[3, 2, 5], maps[7] = np.nan, np.nan
@@ -77,23 +41,6 @@ class TestReading:
         assert not cube.mask[2 * N_X + 5] and not cube.whole_sky
         assert "1 of 20 channels see nothing" in cube.remarks[0]
         assert cube.remarks[1].startswith("99.5% of the image is seen in every channel")
-
-    def test_blank_and_scale_of_integers(self, maps, tmp_path):
-        stored = np.round(maps / 2).astype(np.int16)
-        stored[:, 0, 0] = -32768
-        hdu = fits.PrimaryHDU(stored, header_of((*SKY["SIN"], FREQ), BUNIT="mK"))
-        hdu.header["BLANK"], hdu.header["BSCALE"] = -32768, 2.0
-        hdu.writeto(tmp_path / "a.fits")
-        with fits.open(tmp_path / "a.fits", mode="update", do_not_scale_image_data=True) as file:
-            file[0].header["BSCALE"] = 2.0
-        cube = read_cube(tmp_path / "a.fits")
-        assert cube.mask.sum() == N_Y * N_X - 1
-        assert np.array_equal(cube.maps, 2.0 * stored.reshape(N_CHANNELS, -1)[:, 1:])
-        cleaned = clean_cube(cube, "pca", n_sources=2)
-        save_cleaned(cleaned, tmp_path / "c.fits")
-        assert not {"BLANK", "BSCALE", "BZERO"} & set(fits.getheader(tmp_path / "c.fits"))
-        found = fits.getdata(tmp_path / "c.fits").reshape(N_CHANNELS, -1)
-        assert np.isnan(found[:, 0]).all() and np.array_equal(found[:, 1:], cleaned.residual)
 
 
 @pytest.mark.usefixtures("no_pages")

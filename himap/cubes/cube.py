@@ -175,7 +175,7 @@ class Cube:
         mine, theirs = self.layout.pixels, other.layout.pixels
         if not mine.whole_sky or not theirs.whole_sky:
             return self
-        _, said = theirs.in_frame_of(label, mine.frame, rotate=rotate)
+        said = other.layout.joined(label, mine.frame, rotate=rotate).remarks[len(other.remarks) :]
         if None in (mine.frame, theirs.frame) or mine.frame == theirs.frame:
             return replace(self, layout=self.layout.noted(*said))
         if not self.whole_sky:

@@ -109,27 +109,23 @@ def frames_in_hdf5(path):
 
 def _axes_of(file, shape):
     """The axes of maps of this shape, if as many frequencies are stated as one of them is long; or None."""
-    lines = {len(item) for name, item in file.arrays.items() if item.ndim == 1 and _is_frequency(name)}
-    fits = [n in lines for n in shape]
+    fits = [n in _frequencies_in(file).values() for n in shape]
     return {(True, False): "freq,pixel", (False, True): "pixel,freq"}.get(tuple(fits))
 
 
-def _is_frequency(name):
-    return access.last_part(name) in {*_FREQUENCIES, *_IN_UNIT}
+def _frequencies_in(file):
+    """{name: how many} of the datasets that are named as frequencies are."""
+    lines = {name: len(item) for name, item in file.arrays.items() if item.ndim == 1}
+    return {name: n for name, n in lines.items() if access.last_part(name) in {*_FREQUENCIES, *_IN_UNIT}}
 
 
 def _freqs_of(file, name, n_channels):
     """What a `Layout` has of frequencies, in MHz: those and what states them, or what nearly does, a dict."""
-    lines = {dataset: len(item) for dataset, item in file.arrays.items() if item.ndim == 1}
-    if name is not None:
-        if file.get(name, "--freqs-name").shape != (n_channels,):
-            raise InputError(
-                f"{file.path} must have a dataset {name} of {n_channels} frequencies; it has "
-                f"{file.listing()}."
-            )
-        lines = {name: n_channels}
-    else:
-        lines = {dataset: n for dataset, n in lines.items() if _is_frequency(dataset)}
+    if name is not None and file.get(name, "--freqs-name").shape != (n_channels,):
+        raise InputError(
+            f"{file.path} must have a dataset {name} of {n_channels} frequencies; it has {file.listing()}."
+        )
+    lines = {name: n_channels} if name else _frequencies_in(file)
     named = {dataset: _in_mhz(file, dataset) for dataset, n in lines.items() if n == n_channels}
     if named:
         first, *others = named

@@ -157,20 +157,6 @@ class ImagePixels:
             "package reproject does."
         )
 
-    def by_channel(self, label, values):
-        """Numbers of an image (n_y, n_x), or of one for each channel, as (n_channels or 1, n_pix)."""
-        if values.ndim not in (2, 3) or values.shape[-2:] != self.shape:
-            raise InputError(
-                f"{label} must have the shape of an image of the cube, {self.shape}, or of one for each "
-                f"channel, got {values.shape}."
-            )
-        return values.reshape(-1, values.shape[-2] * values.shape[-1])
-
-    def in_frame_of(self, label, frame, *, rotate=False):
-        if rotate:
-            raise InputError(f"only HEALPix maps are rotated: reproject {label} to the header of the cube.")
-        return self, ()
-
     def described(self, unit):
         rows, columns = np.rad2deg(self.pixel_angles())
         return f"images in {unit}, {self} of {columns:.3g} x {rows:.3g} deg"

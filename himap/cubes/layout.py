@@ -11,7 +11,6 @@ from himap.core.memory import PROCESS, check_room
 from himap.maps import sphere
 from himap.maps.frames import FRAMES, frame_name, spectral_frame_of
 from himap.maps.healpix_io import MILLIKELVIN, to_ring, write_maps
-from himap.maps.sphere import pixels_last, sphere_sizes
 
 LARGEST = 1e15
 """What is as large as this is no number: healpy marks missing pixels with -1.6e30."""
@@ -60,15 +59,6 @@ class SpherePixels:
         """Of the file: "RING" or "NESTED"."""
         return "NESTED" if self.nested else "RING"
 
-    def by_channel(self, label, values):
-        """Numbers of pixels, or of voxels in any order of these two axes, as (n_channels or 1, n_pix)."""
-        if values.ndim not in (1, 2) or not sphere_sizes(values.shape):
-            raise InputError(
-                f"{label} must have shape (n_pix,) or (n_channels, n_pix) with n_pix = 12 nside^2, got "
-                f"{values.shape}."
-            )
-        return pixels_last(np.atleast_2d(values))
-
     def described(self, unit):
         """What they are, for a sentence."""
         return f"maps of nside {self} in {unit}, {self.order}, {frame_name(self.frame)}"
@@ -76,46 +66,6 @@ class SpherePixels:
     def same(self, other):
         """Whether other pixels are of the same nside, in whatever order and frame."""
         return isinstance(other, SpherePixels) and self.nside == other.nside
-
-    def in_frame_of(self, label, frame, *, rotate=False):
-        """These pixels, with the frame of others where they state none, and what was assumed or is rotated.
-
-        Parameters
-        ----------
-        label, frame
-            Of the others, which belong to these.
-        rotate
-            Whether they can be rotated into the frame of these.
-
-        Returns
-        -------
-        (SpherePixels, tuple)
-            With sentences for the user to read.
-
-        Raises
-        ------
-        InputError
-            Both frames are known and differ, without `rotate`, or one is none that can be rotated.
-        """
-        mine, theirs = frame_name(self.frame), frame_name(frame)
-        if self.frame == frame:
-            return self, ()
-        if frame is None:
-            return self, (f"{label} does not state its frame: taken as that of the cube, {mine}.",)
-        if self.frame is None:
-            said = f"the cube does not state its frame: taken as that of {label}, {theirs}."
-            return replace(self, frame=frame), (said,)
-        if not rotate:
-            raise InputError(
-                f"coordinates must be of one frame: that of {label} is {theirs} (COORDSYS = {frame}), of the "
-                f"cube {mine} (COORDSYS = {self.frame}). Have all rotated to that of the cube, rotate=True "
-                "(--rotate), or mend the card that is wrong."
-            )
-        if not {frame, self.frame} <= FRAMES.keys():
-            raise InputError(
-                f"{label} has the frame {theirs}, the cube {mine}: only {', '.join(FRAMES)} can be rotated."
-            )
-        return self, (f"{label}: rotated, {theirs} to {mine}.",)
 
     def in_hdf5(self, layout):
         """What HDF5 keeps of them, attributes {name: text}, and datasets {name: texts}."""
@@ -190,22 +140,55 @@ class Layout:
         """The same with more remarks."""
         return replace(self, remarks=(*self.remarks, *remarks))
 
-    def joined(self, label, frame, spectral_frame=None, **options):
-        """The same with the frames of others, which belong to it, where it states none, and remarks.
+    def joined(self, label, frame, spectral_frame=None, *, rotate=False):
+        """The same with the frames of others where it states none, and what was assumed or is rotated.
 
-        Parameters and errors as of `SpherePixels.in_frame_of`; `spectral_frame` is SPECSYS, and may not
-        differ from that of these.
+        Parameters
+        ----------
+        label, frame, spectral_frame
+            Of the others, which belong to these; frames of coordinates as of `himap.maps.frames.frame_of`,
+            and SPECSYS.
+        rotate
+            Whether they can be rotated into the frame of these.
+
+        Raises
+        ------
+        InputError
+            Both frames are known and differ, without `rotate`, or one is none that can be rotated; images
+            are not. Or SPECSYS of both differ.
         """
+        pixels, about, said = self.pixels, self.about, []
+        mine, theirs = frame_name(pixels.frame), frame_name(frame)
+        if rotate and not pixels.whole_sky:
+            raise InputError(f"only HEALPix maps are rotated: reproject {label} to the header of the cube.")
+        if pixels.whole_sky and frame != pixels.frame:
+            if frame is None:
+                said.append(f"{label} does not state its frame: taken as that of the cube, {mine}.")
+            elif pixels.frame is None:
+                said.append(f"the cube does not state its frame: taken as that of {label}, {theirs}.")
+                pixels = replace(pixels, frame=frame)
+            elif not rotate:
+                raise InputError(
+                    f"coordinates must be of one frame: that of {label} is {theirs} (COORDSYS = {frame}), of "
+                    f"the cube {mine} (COORDSYS = {pixels.frame}). Have all rotated to that of the cube, "
+                    "rotate=True (--rotate), or mend the card that is wrong."
+                )
+            elif not {frame, pixels.frame} <= FRAMES.keys():
+                raise InputError(
+                    f"{label} has the frame {theirs}, the cube {mine}: only {', '.join(FRAMES)} can be "
+                    "rotated."
+                )
+            else:
+                said.append(f"{label}: rotated, {theirs} to {mine}.")
         mine, theirs = self.spectral_frame, spectral_frame_of(spectral_frame)
-        pixels, said, about = *self.pixels.in_frame_of(label, frame, **options), self.about
-        if mine != theirs and None not in (mine, theirs):
+        if mine is None and theirs is not None:
+            about = about | {"SPECSYS": theirs}
+            said.append(f"the cube does not state its spectral frame: taken as that of {label}, {theirs}.")
+        elif theirs not in (None, mine):
             raise InputError(
                 f"{label} must have the spectral frame of the cube, SPECSYS = {mine}, and has {theirs}; "
                 "convert one of them, or mend the card that is wrong."
             )
-        if mine is None and theirs is not None:
-            about = about | {"SPECSYS": theirs}
-            said = (*said, f"the cube does not state its spectral frame: taken as that of {label}, {theirs}.")
         return replace(self, pixels=pixels, about=about).noted(*said)
 
     def in_ring(self, pixels):

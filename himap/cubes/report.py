@@ -14,7 +14,7 @@ from himap.cubes.spectra import PATCH, PlaneSpectra, compared, patch_power, spec
 from himap.figures import planes, plotting, styles
 from himap.figures.tables import Table
 from himap.measures.cylindrical import cell_of
-from himap.measures.diagnostics import Comparison
+from himap.measures.diagnostics import Comparison, band_means
 from himap.removal.covariance import channel_covariance
 
 _STYLE = """
@@ -28,12 +28,6 @@ figure { margin: 1.5rem 0; } figcaption { font-size: .9rem; opacity: .85; }
 """
 _WIDE = np.deg2rad(20)  # across an image: at its edge an angle is half a percent off the plane
 _FAINT = 1e-3  # of the faintest eigenvalue before: what cleaning took altogether is drawn there
-_BANDS = {  # of ratios to the truth: (quantity, l or k above, up to)
-    "C/C0, l < 10": ("angular", 0, 10),
-    "C/C0, beyond": ("angular", 10, np.inf),
-    "P/P0, k < 0.03 / MHz": ("frequency", 0, 0.03),
-    "P/P0, beyond": ("frequency", 0.03, np.inf),
-}
 _CLEANED = {"label": "cleaned", "color": styles.BLUE}
 _SPECTRA = (
     "A smooth, steep rise towards the smallest k is foreground residual; a dip there is signal that "
@@ -143,7 +137,12 @@ def _spectra_parts(cube, spectra):
         text += " A rise towards the largest multipoles, after a method that uses the beam, means that the "
         text += "beam is not that of the cube."
     parts = [figure(spectra_figure(spectra), alt, text, title="Spectra")]
-    parts += [] if comparison is None else _ratios(comparison)
+    if comparison is not None:
+        means = band_means(comparison.ratios, comparison.degrees, comparison.k)
+        parts += [
+            "<h3>Over the truth</h3>",
+            Table([], [(name, f"{mean:.3f}") for name, mean in means.items()]),
+        ]
     if not on_plane:
         return parts
     if spectra.cylindrical is None:
@@ -192,17 +191,6 @@ def _cylindrical(power, true, text):
         ratio=ratio,
     )
     return figure(picture, "P(k_perp, k_par)", text, title="Across and along the line of sight")
-
-
-def _ratios(comparison):
-    """The mean ratios of a `Comparison`, of those spectra that it has."""
-    x, rows = {"angular": comparison.degrees, "frequency": comparison.k}, []
-    for name, (kind, low, high) in _BANDS.items():
-        inside = (x[kind] > low) & (x[kind] < high)
-        if len(x[kind]):
-            ratio = getattr(comparison, f"{kind}_ratio")
-            rows.append((name, f"{ratio[inside].mean():.3f}" if inside.any() else "no such scale"))
-    return ["<h3>Over the truth</h3>", Table([], rows)]
 
 
 def spectra_figure(spectra):

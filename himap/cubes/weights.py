@@ -12,6 +12,7 @@ from himap.cubes import fits, hdf5
 from himap.cubes.layout import Layout, check_cube_room, is_seen, same_freqs
 from himap.maps import sphere
 from himap.maps.healpix_io import to_ring
+from himap.maps.sphere import pixels_last, sphere_sizes
 
 _HELD = 2  # cubes in float32 beside the one in the file: weights are float64
 _RIGHT = {  # what is right in them, and how that is said
@@ -125,7 +126,12 @@ def _by_channel(label, values, pixels):
     """Real numbers, or True as 1, of these pixels, (n_channels or 1, n_pix); errors call them `label`."""
     values = np.asarray(values)
     values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
-    return pixels.by_channel(label, values)
+    shape, on_sphere = pixels.shape, pixels.whole_sky
+    fits_in = sphere_sizes(values.shape) if on_sphere else values.shape[-2:] == shape
+    if values.ndim - len(shape) not in (0, 1) or not fits_in:
+        one = "one map, n_pix = 12 nside^2" if on_sphere else f"an image of the cube, {shape}"
+        raise InputError(f"{label} must have the shape of {one}, or of one a channel, got {values.shape}.")
+    return pixels_last(np.atleast_2d(values)) if on_sphere else values.reshape(-1, shape[0] * shape[1])
 
 
 def _read(path, word, layout):

@@ -20,8 +20,6 @@ OUTPUTS = (".h5", ".hdf5", ".fits", ".fits.gz", ".npy")
 
 _COLUMNS = 999  # at most in a table in FITS
 
-_AROUND = 20_000  # bytes of HDF5 around the maps, and of the mixing matrix
-
 
 def ending_of(path):
     """The one of `OUTPUTS` that a name ends with, in small letters; its suffix for other names."""
@@ -138,9 +136,11 @@ def write_cleaned(cleaned, paths, *, said=None):
     """
     sentences = [*(cleaned.cube.said if said is None else said), *cleaned.remarks]
     cube, layout, mixing = cleaned.cube, cleaned.cube.layout, cleaned.separation.mixing
+    cubes = {"residual": cleaned.residual_with_nan, "foreground": cleaned.foreground}
+    as_given = ((name, layout.as_given(maps, cube.mask)) for name, maps in cubes.items())  # one at a time
     if ending_of(paths[0]) in (".h5", ".hdf5"):
-        with _hdf5(paths[0], len(cube.freqs) * len(cube.mask), cleaned) as file:
-            for name, maps in _as_given(cleaned):
+        with _hdf5(paths[0]) as file:
+            for name, maps in as_given:
                 file.create_dataset(name, data=maps).attrs["unit"] = layout.unit
             file.create_dataset("freqs", data=layout.freqs).attrs["unit"] = "MHz"
             file.create_dataset("mixing", data=mixing).attrs["rows"] = "channels by frequency, ascending"
@@ -153,7 +153,7 @@ def write_cleaned(cleaned, paths, *, said=None):
             file.attrs.update(layout.about | attributes | about | _restarts(cleaned))
         return
     *targets, table = paths
-    for target, (name, maps) in zip(targets, _as_given(cleaned), strict=True):
+    for target, (name, maps) in zip(targets, as_given, strict=True):
         if ending_of(target) == ".npy":
             np.save(target, maps)
         else:
@@ -181,19 +181,9 @@ def _restarts(cleaned):
     }
 
 
-def _as_given(cleaned):
-    """(name, cube as in the file) of what is written, one at a time."""
-    for name, maps in (("residual", cleaned.residual_with_nan), ("foreground", cleaned.foreground)):
-        yield name, cleaned.cube.layout.as_given(maps, cleaned.cube.mask)
-
-
 @contextmanager
-def _hdf5(path, n_voxels, cleaned):
-    """A new file that the disk has room for: HDF5 reports a full disk in a page of text."""
-    if hasattr(os, "posix_fallocate"):  # macOS has none
-        n_bytes = n_voxels * (cleaned.residual.itemsize + cleaned.cube.maps.itemsize)
-        with open(path, "wb") as file:
-            os.posix_fallocate(file.fileno(), 0, n_bytes + _AROUND)
+def _hdf5(path):
+    """A new file; HDF5 reports a full disk in a page of text, in which is the number of the error."""
     try:
         with h5py.File(path, "w") as file:
             yield file

@@ -72,13 +72,13 @@ def _output(asked, endings=(), page=True):
     return None if asked.output is None else check_output(asked.output, **more)
 
 
-def _write(asked, files, write, *, remarks=(), timed=True):
+def _write(asked, files, write, *, remarks=()):
     """Write all `files` or none, ``write(temporary names)``, and say remarks and their names."""
     with atomic_files(*files) as temporary:
         write(temporary)
     _tell(asked, *remarks)
-    took = f"  ({time.monotonic() - asked.started:.0f} s)" if timed else ""
-    click.echo(plain_text("  ".join(map(str, files))) + took)
+    took = time.monotonic() - asked.started
+    click.echo(f"{plain_text('  '.join(map(str, files)))}  ({took:.0f} s)")
 
 
 def _cube_and_beams(asked, remover):
@@ -298,7 +298,7 @@ def suggest(asked):
     click.echo(f"{result.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(result)}")
     if page is not None:
         write = functools.partial(suggestion.write_suggestion, result, said=asked.said)
-        _write(asked, [page], lambda paths: write(*paths), timed=False)
+        _write(asked, [page], lambda paths: write(*paths))
 
 
 @_command(
