@@ -444,12 +444,13 @@ show_table(rows)
 # - **The correction is only as good as the estimated foreground.** A residual that is spread over several
 #   components, each fainter than HI, is not always detected: PCA at `quick`, and BeamSubspace with the
 #   synthetic Galaxy. The systematic contains a part of it.
-# - **Statistical error bars are too small for some methods** (see the coverage). The faintest sources of
-#   the estimated foreground contain HI, and are therefore brighter and more stable in members than in the
-#   data. Quote error bar and systematic in quadrature, as a lower limit. In the `.csv` of the commands
-#   `sigma` and `sample` are relative, `systematic` and `foreground` in the unit of the spectrum; the
-#   columns `error_1` and so on have the error of each mock, and `himap.measures.bootstrap.covariance` gives
-#   their covariance between bands. It can be inverted for fewer bands than mocks.
+# - **Statistical error bars are too small for some methods** (see the coverage). With the true foreground in
+#   the members they would be right. The estimated foreground lacks what is fainter than HI, and its faintest
+#   sources contain HI, and are therefore brighter and more stable in members than in the data. Quote error
+#   bar and systematic in quadrature, as a lower limit. In the `.csv` of the commands `sigma` and `sample` are
+#   relative, `systematic` and `foreground` in the unit of the spectrum; the columns `error_1` and so on have
+#   the error of each mock, and `himap.measures.bootstrap.covariance` gives their covariance between bands. It
+#   can be inverted for fewer bands than mocks.
 # - **With more sources than the foreground has**, the last ones fit this HI, and the corrected power is low
 #   by up to the share of one source. Use as many as the foreground needs, not more.
 # - **Sample variance and noise are not in these error bars**, because the truth is that of the same sky. The

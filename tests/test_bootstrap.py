@@ -119,6 +119,49 @@ class TestClosedForms:
         assert 0.45 < np.mean(np.abs(pulls) < 1) < 0.9 and np.sqrt(np.mean(np.square(pulls))) < 1.6
 
 
+class TestAMissedSource:
+    """Of a faint fourth source PCA of three leaves nearly all: its power is known, a share of white noise."""
+
+    @staticmethod
+    def cleaned(rng, faint, truth):
+        """PCA of three sources, whose bootstrap has the true foreground."""
+        true = foreground(rng, 4, (1e4, 1e3, 1e2, faint))
+        true -= true.mean(axis=1, keepdims=True)
+        maps = (true + truth).astype(np.float32)
+        cleaned = Cleaning.of(Data.of(maps, freqs=FREQS), PCA(n_sources=3), peaks=False)
+        spectra = np.linalg.svd(true, full_matrices=False)[0][:, :4]
+        known = replace(cleaned.separation, mixing=spectra, sources=spectra.T @ true)
+        base = Cleaning(data=cleaned.data, method=cleaned.method)
+        vars(base)["separation"] = known
+        return cleaned, base
+
+    @pytest.mark.parametrize("faint", [0.1, 0.3, 1.0])
+    def test_its_power_is_unlike_the_mocks(self, rng, faint):
+        """In C_l averaged over channels it has faint^2 of the power of noise of 1 mK."""
+        _, base = self.cleaned(rng, faint, white(rng))
+        found = members(base, [white(rng) for _ in range(8)]).own
+        true = np.mean([one.input.angular for one in found.mocks], axis=0)
+        residual = np.mean([one.output.angular for one in found.mocks], axis=0)
+        excess = np.mean(((residual - found.angular * true) / true)[5:40])
+        assert excess == pytest.approx(faint**2, rel=0.1, abs=0.003)
+
+    def test_error_bars_cover_where_members_have_it(self, rng):
+        """And not where the estimated foreground lacks it: the residual is high by its power."""
+        pulls = {True: [], False: []}
+        for _ in range(6):
+            truth = white(rng)
+            cleaned, base = self.cleaned(rng, 0.2, truth)
+            true, residual = harmonic_power(sphere.analyse(truth), WIDTH).angular, power_of(cleaned).angular
+            mocks, bands = [white(rng) for _ in range(8)], np.array_split(np.arange(4, 40), 6)
+            for knows, one in ((True, base), (False, cleaned)):
+                found = members(one, mocks).own
+                excess, errors = found.corrected("angular", residual) / true - 1, found.errors("angular")
+                pulls[knows] += [excess[band].mean() / sigma(errors[:, band].mean(axis=1)) for band in bands]
+        assert 0.45 < np.mean(np.abs(pulls[True]) < 1) < 0.9
+        assert np.sqrt(np.mean(np.square(pulls[True]))) < 1.6 and abs(np.mean(pulls[True])) < 0.6
+        assert np.median(pulls[False]) > 3
+
+
 class TestExplains:
     @pytest.mark.parametrize(("n_sources", "explained"), [(1, False), (2, False), (3, True), (4, True)])
     def test_the_rank_of_the_foreground_is_found(self, rng, n_sources, explained):
