@@ -85,8 +85,14 @@ class Beam(ABC):
     def windows(self, freqs, *, lmax, dish_diameter=DISH):
         """The `Windows` of channels, to `lmax`, or as far as the beam is known.
 
-        Of centres, MHz, (n_channels,), ascending unless the beam goes by lines, and a dish diameter in m, for
-        beams whose width follows from it.
+        Parameters
+        ----------
+        freqs
+            Channel centres, MHz, (n_channels,); ascending unless the beam goes by lines.
+        lmax
+            Largest multipole.
+        dish_diameter
+            m, for beams whose width follows from it.
 
         Raises
         ------
@@ -99,7 +105,13 @@ class Beam(ABC):
         return self._windows(freqs, lmax, dish_diameter)
 
     def of_survey(self, survey):
-        """The `Windows` of a `Survey`, to its lmax; errors as of `windows`, and a beam that ends before."""
+        """The `Windows` of a `Survey`, to its lmax.
+
+        Raises
+        ------
+        InputError
+            As `windows`; or a beam that ends before lmax.
+        """
         windows = self.windows(survey.freqs, lmax=survey.lmax, dish_diameter=survey.dish_diameter)
         n_degrees = windows.telescope.shape[1]
         if n_degrees <= survey.lmax:
