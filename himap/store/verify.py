@@ -3,7 +3,8 @@
 ``probes.json`` holds, of every product and named class, a digest of its code and a summary of what its calls
 gave, and the digests of all definitions behind them. Where calls agree, definitions that have another digest
 now count as the former ones (``accepted.json``, `himap.store.fingerprint`), wherever they are used: but for
-those that something uses whose calls differ.
+those that something uses whose calls differ. So does all behind a product whose calls agree, which may be in
+other modules now.
 """
 
 import json
