@@ -106,7 +106,7 @@ quote(
     answer_evolving=percent(0, "E2"),
     answer_oscillating=percent(0, "O3"),
     answer_large_restarts=restarted["O3"].n_restarts,
-    answer_large_held=(100 * min(share.mean for share in restarted["O3"].main_shares), 1, "%"),
+    answer_large_held=(100 * restarted["O3"].main_shares["mean"].min(), 1, "%"),
 )
 
 

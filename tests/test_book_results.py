@@ -156,7 +156,7 @@ def defaults():
 
 def stored_ledgers():
     chosen = defaults()
-    return [chosen["smaller"], f"claims_{chosen['real']}", f"claims_{chosen['coarser']}"]
+    return [chosen["smaller"], f"claims_{chosen['real']}", chosen["ensemble"]]
 
 
 def readable_ledgers():

@@ -120,7 +120,7 @@ def test_foregrounds_as_spectra_times_maps(cubes, rng):
         ({"spectra": np.ones((2, 1))}, "spectra of the foregrounds must have shape"),
         ({"spectra": np.ones((4, 2))}, "spectra of the foregrounds must have shape"),
         ({"alms": np.zeros((1, 12))}, "maps of the foregrounds must have shape"),
-        ({"survey": replace(SURVEY, nside=8)}, r"b_l of the beam must have shape"),
+        ({"survey": replace(SURVEY, nside=8)}, r"the beam must be made for this survey"),
     ],
 )
 def test_what_is_not_of_the_survey(given, message):
