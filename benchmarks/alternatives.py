@@ -137,17 +137,17 @@ def _beside_gmca(case, masked, method, found):
 
 
 def _beside_sdecgmca(case, masked, method, found):
-    """The update of all sources for a given A in each iteration; of random numbers, for their values cost no
-    time.
+    """A part of it: the update of all sources for a given A in each iteration; of random numbers, whose
+    values cost no time.
     """
     lmax = min(method.lmax, 2 * case.survey.nside)
     matrices = pipeline.observation(case).beams.T[: lmax + 1, :, None] * found.mixing
     modes = np.random.default_rng(0).standard_normal((len(found.mixing), (lmax + 1) ** 2))
     n_iterations = max(1, found.n_iterations)
-    yield "sources by numpy lstsq, l by l", partial(plain_sources, matrices, modes), n_iterations
+    yield "sources alone, by numpy lstsq, l by l", partial(plain_sources, matrices, modes), n_iterations
     alms, degree = np.ascontiguousarray(harmonic.from_modes(modes).T), sphere.alm_degree(lmax)
     name, work, times = _on_sample(
-        "sources by numpy lstsq, (l, m) by (l, m)",
+        "sources alone, by numpy lstsq, (l, m) by (l, m)",
         lambda n: np.linalg.lstsq(matrices[degree[n]], alms[n]),
         evenly(len(alms), N_MODES),
         len(alms),
@@ -160,7 +160,6 @@ _ALTERNATIVES = {
     "fastica": _beside_fastica,
     "gmca": _beside_gmca,
     "sdecgmca": _beside_sdecgmca,
-    "beam_subspace": _beside_sdecgmca,
     "polynomial": _beside_polynomials,
     "parametric": _beside_parametric,
 }

@@ -25,7 +25,7 @@ from benchmarks.machine import Machine, Needs
 from benchmarks.measure import Measured, measured
 
 TINY = {"nside": "8", "n_channels": "30", "box_cells": "16"}
-COMPARED = {"sdecgmca", "peak masking", "pca", "fastica", "gmca", "polynomial", "parametric", "beam_subspace"}
+COMPARED = {"sdecgmca", "peak masking", "pca", "fastica", "gmca", "polynomial", "parametric"}
 FREQS = np.linspace(900, 1400, 60)
 
 
