@@ -193,6 +193,8 @@ def test_ledgers_stand_side_by_side():
     columns = [ledger_of(FAILED), ledger_of(REPRODUCED, overrides=[("reading", "letter")])]
     ((head, *rows, last),) = tables(ledgers_table(columns))
     assert head[3:] == ["ci, 1 sky", "ci, letter, 1 sky"]
+    named = ledgers_table([ledger_of(FAILED, overrides=[("reading", "default")])])
+    assert tables(named)[0][0][3:] == ["ci, 1 sky"]  # as records of restarts state it
     assert [row[0].strip("*") for row in rows] == ["D1", "O3", "M2"]
     assert rows[0][3:] == [
         "✗ 0.25<br>holds in: PCA/ICA a 0% (0% to 50%); SD a 0% (0% to 50%)",
