@@ -1,6 +1,7 @@
 """Products made several at a time."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import psutil
@@ -8,6 +9,7 @@ import pytest
 from joblib.externals.loky import get_reusable_executor
 
 from himap.core.errors import InputError
+from himap.core.memory import estimate
 from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
 from himap.removal.base import SeparationWarning
@@ -56,6 +58,26 @@ def test_processes_share_the_cores(monkeypatch, tmp_path, own_choice, threads):
     make_all(cleaned.assessment, CALLS, "test")
     assert seen == [2, threads]
     assert os.environ.get("DUCC0_NUM_THREADS") == own_choice
+
+
+@pytest.mark.parametrize("fit", [1, 2])
+def test_no_more_light_cones_at_once_than_the_memory_holds(monkeypatch, tmp_path, fit):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    monkeypatch.setenv(JOBS_VARIABLE, "3")
+    needed = estimate(CASE.survey)["HI light cone"]
+    monkeypatch.setenv("HIMAP_MAX_MEMORY", f"{(fit + 0.5) * needed / 1e9:.3f}GB")
+    skies, jobs = [replace(CASE.survey, seed=seed).sky for seed in (1, 2, 3)], []
+
+    def in_this_process(**options):
+        jobs.append(options["n_jobs"])
+        return lambda work: [made(*args) for made, args, _ in work]
+
+    monkeypatch.setattr("joblib.Parallel", in_this_process)
+    monkeypatch.setattr("himap.store.parallel._end_with", lambda asking: None)
+    monkeypatch.setattr("himap.store.parallel.note_worker", lambda folder: None)
+    cleaned.make_hi(skies)
+    assert jobs == [2] * (fit > 1)
+    assert all(pipeline.hi_alms_of_sky.is_cached(sky) for sky in skies)
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "two", "1.5"])

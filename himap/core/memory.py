@@ -123,6 +123,11 @@ def estimate(survey, *, jobs=1, in_files=False):
     }
 
 
+def fitting(survey, step):
+    """How many processes that do a step of `estimate` fit into `memory_limit`, 1 or more."""
+    return max(1, int(memory_limit() // estimate(survey)[step]))
+
+
 def check_memory(survey, *, jobs=1, steps=None, in_files=False):
     """Refuse a run that will not fit, before it starts.
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from himap.core.memory import check_memory
+from himap.core.memory import check_memory, fitting
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.measures import diagnostics
@@ -200,12 +200,22 @@ def make(work):
     missing = [(wanted, call) for wanted, call in work if not wanted.is_cached(*call)]
     cases = dict.fromkeys(call[0] for _, call in missing if isinstance(call[0], pipeline.Case))
     if cases:
-        check_memory(next(iter(cases)).survey, jobs=n_jobs(), steps=["cleaning"])
-        make_all(pipeline.peak_masked, [(case,) for case in cases], "observations")
+        survey = next(iter(cases)).survey
+        check_memory(survey, jobs=n_jobs(), steps=["cleaning"])
+        make_hi(case.survey.sky for case in cases if not pipeline.observation.is_cached(case))
+        masked = [(case,) for case in cases]
+        make_all(pipeline.peak_masked, masked, "observations", at_once=fitting(survey, "observing"))
     for wanted in dict.fromkeys(wanted for wanted, _ in missing):
         calls = [call for other, call in missing if other is wanted]
         make_all(wanted, calls, wanted.name.rpartition(".")[2])
     return len(missing)
+
+
+def make_hi(skies):
+    """Make the coefficients of HI of some `Survey.sky`, as many at once as the memory holds light cones."""
+    if skies := dict.fromkeys(skies):
+        at_once = fitting(next(iter(skies)), "HI light cone")
+        make_all(pipeline.hi_alms_of_sky, [(sky,) for sky in skies], "HI", at_once=at_once)
 
 
 def make_by_case(work):

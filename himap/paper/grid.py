@@ -147,8 +147,7 @@ def make_products(work):
         if product in (recovered, resampled) and not product.is_cached(*call):
             surveys[replace(call[0].survey, seed=call[2].seed)] = None
     with temporary(pipeline.hi_of_sky):
-        hi = dict.fromkeys(survey.sky for survey in surveys)
-        make_all(pipeline.hi_alms_of_sky, [(sky,) for sky in hi], "HI of mocks")
+        cleaned.make_hi(survey.sky for survey in surveys)
         make_all(pipeline.noise_alms, [(survey,) for survey in surveys], "noise of mocks")
     cleaned.make_by_case(work)
 

@@ -66,7 +66,7 @@ def check_scheduler():
             _client(_CHECK).close()
 
 
-def make_all(product, calls, description):
+def make_all(product, calls, description, *, at_once=None):
     """Make sure that products are in the cache: in `n_jobs()` processes at once, or on the Dask cluster.
 
     What is there already is not made again, so work that was interrupted goes on where it stopped. Cubes
@@ -80,6 +80,8 @@ def make_all(product, calls, description):
         The arguments of each call, a list of tuples.
     description
         A word or two in front of the bar, which shows the time left.
+    at_once
+        How many processes of this machine the memory holds; default: any number.
 
     Returns
     -------
@@ -97,8 +99,8 @@ def make_all(product, calls, description):
         return 0
     if dask_address():
         done = _on_cluster(product, missing)
-    elif n_jobs() > 1 < len(missing):
-        done = _in_processes(product, missing)
+    elif (jobs := min(n_jobs(), len(missing), at_once or len(missing))) > 1:
+        done = _in_processes(product, missing, jobs)
     else:
         done = (_make(product, call, _settings()) for call in missing)
     for made, caught in progress(done, description, total=len(missing)):
@@ -108,9 +110,9 @@ def make_all(product, calls, description):
     return len(missing)
 
 
-def _in_processes(product, missing):
-    """What `_make` returns of each piece of work as it is done; the processes share the cores."""
-    jobs, kills = min(n_jobs(), len(missing)), memory_kills()
+def _in_processes(product, missing, jobs):
+    """What `_make` returns of each piece of work as it is done; `jobs` processes share the cores."""
+    kills = memory_kills()
     # joblib tells this to every other package with threads. New processes read it when they begin.
     threads = os.environ.get(_TRANSFORM_THREADS) or str(max(1, joblib.cpu_count() // jobs))
     try:
