@@ -65,7 +65,7 @@ from himap.maps.low_rank import centred
 from himap.measures import diagnostics
 from himap.measures.spectra import angular_power
 from himap.paper import captions, pipeline
-from himap.paper.leakage import error_parts
+from himap.paper.leakage import split_error
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import both_figure, ensemble_style
@@ -172,7 +172,7 @@ if len(study.members(shown)) > 1:
     named_run = f"{named_run}, medoid of {n_restarts}"
 panels = []
 for title, cube in (("recovered", recovered), ("recovered minus true", recovered - truth)):
-    low, middle, high = np.percentile(cube[:, ~lines], (5, 50, 95), axis=1)
+    low, middle, high = np.transpose([np.percentile(channel[~lines], (5, 50, 95)) for channel in cube])
     black = {"color": "black", "linewidth": 1.2}
     ends = np.percentile(cube[:, chosen], (0.05, 99.95)) if len(chosen) else (low.min(), high.max())
     curves = [
@@ -230,11 +230,6 @@ study.stamped(
 
 
 # %% tags=["hide-input"]
-def rms(cube, lines):
-    """Over some lines of sight, in every channel, (n_channels,)."""
-    return np.sqrt(np.mean(cube[:, lines] ** 2, axis=1))
-
-
 def percentile(values, lines):
     """Where the median over `lines` lies among all `values`, in percent."""
     return 100 * np.mean(values < np.median(values[lines]))
@@ -248,14 +243,18 @@ parts, by_member = {}, {}
 
 def parts_row(remover):
     """Both parts of the error on the flagged lines of sight of one member; keeps its rms in every channel."""
-    foreground, hi_lost, true = error_parts(study.case(selected), remover)
-    error, lines = foreground - hi_lost, line_errors(remover)[1]
-    cubes = {"foreground residual": foreground, "signal loss": hi_lost, "truth": true}
-    for what, cube in cubes.items():
-        parts.setdefault(remover.name, {}).setdefault(what, []).append(rms(cube, lines))
-    power = (error[:, lines] ** 2).sum(axis=1)
+    foreground, hi_lost = split_error(study.case(selected), remover)
+    lines = line_errors(remover)[1]
+    mean_squares = {
+        "foreground residual": foreground.mean_squares(lines),
+        "signal loss": hi_lost.mean_squares(lines),
+        "truth": np.mean(truth[:, lines] ** 2, axis=1),
+    }
+    for what, squares in mean_squares.items():
+        parts.setdefault(remover.name, {}).setdefault(what, []).append(np.sqrt(squares))
+    power = (foreground + -hi_lost).mean_squares(lines)
     return {
-        f"{what}, {where} [mK]": (np.sqrt(np.mean(cube[:, chosen] ** 2)), 0.0005)
+        f"{what}, {where} [mK]": (np.sqrt(cube.mean_squares(chosen).mean()), 0.0005)
         for where, chosen in (("flagged", lines), ("others", ~lines))
         for what, cube in (("residual", foreground), ("loss", hi_lost))
     } | {

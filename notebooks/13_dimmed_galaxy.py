@@ -66,7 +66,7 @@ from himap.maps import sphere
 from himap.measures.diagnostics import inside
 from himap.measures.spectra import frequency_power
 from himap.paper import captions, pipeline
-from himap.paper.leakage import error_parts
+from himap.paper.leakage import split_error
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import both_figure, ensemble_style
@@ -250,7 +250,7 @@ quote(
 def parts_of(remover):
     """Rms of both parts of the error of one member, with the full Galaxy and the dimmed one."""
     errors = {
-        name: [part.std() for part in error_parts(study.case(selected), remover)[:2]]
+        name: [np.sqrt(part.mean_squares().mean()) for part in split_error(study.case(selected), remover)]
         for name, study in (("full", full), ("dimmed", dimmed))
     }
     return {

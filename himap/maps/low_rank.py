@@ -142,6 +142,11 @@ class LowRankCube:
         """The lines of sight of some pixels (a slice, numbers or a mask), (n_channels, n) float64."""
         return self.spectra @ self.maps[:, pixels]
 
+    def mean_squares(self, pixels=slice(None)):
+        """Mean square over some pixels in every channel, mK^2, (n_channels,)."""
+        maps = self.maps[:, pixels]
+        return np.einsum("ci,ij,cj->c", self.spectra, maps @ maps.T / maps.shape[1], self.spectra)
+
     def of_channels(self, channels):
         """The same of some channels, a slice."""
         return LowRankCube(spectra=self.spectra[channels], maps=self.maps)

@@ -7,13 +7,7 @@ import numpy as np
 
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube, centred, projection
-from himap.measures.transfer import (
-    TransferFunction,
-    expected_mock_power,
-    harmonic_power,
-    mock_power_of_cubes,
-    quotient,
-)
+from himap.measures.transfer import TransferFunction, expected_mock_power, mock_power, quotient
 from himap.paper import cleaned, pipeline
 from himap.removal.analysis import cube_modes
 from himap.removal.smooth_spectra import FilteredSeparation
@@ -43,7 +37,9 @@ def split_error(case, remover, mask_peaks=True):
         As in `cleaned.separation`.
     """
     observed, found = pipeline.observation(case), cleaned.separation(case, remover, mask_peaks)
-    known = centred(observed.truth - (observed.maps - pipeline.basis(case, mask_peaks)))
+    known = observed.truth - observed.maps
+    known += pipeline.basis(case, mask_peaks)
+    known = centred(known)
     if found.lmax is not None:
         known = sphere.cut_cube(known, found.lmax)
     if isinstance(found, FilteredSeparation):
@@ -58,31 +54,22 @@ def split_error(case, remover, mask_peaks=True):
     return cleaned.error(case, remover, mask_peaks) + hi_lost, hi_lost
 
 
-def error_parts(case, remover, mask_peaks=True):
-    """(foreground residual, HI lost, truth), cubes (n_channels, n_pix) float32, mK, less their channel means.
-
-    Arguments, and the first two, as of `split_error`; the truth ends where the method does.
-    """
-    left, lost = split_error(case, remover, mask_peaks)
-    lmax = cleaned.separation(case, remover, mask_peaks).lmax
-    return left.cube(), lost.cube(), centred(pipeline.truth(case, lmax))
-
-
 @product(name="parts")
 def decompose(case, remover, mask_peaks=True):
     """{part: `HarmonicPower`} of what a component method makes of an observation, up to where it ends.
 
     Parts are "truth", HI and noise through the beam; "recovered", the residual of the observation; "kept", HI
     and noise less what is subtracted of them; "left", the foreground residual; and "shared", what the first
-    two have in common. Arguments as of `error_parts`.
+    two have in common. Arguments as of `split_error`.
     """
-    cubes, found = error_parts(case, remover, mask_peaks), cleaned.separation(case, remover, mask_peaks)
-    width, lmax = case.survey.channel_width, case.survey.lmax if found.lmax is None else found.lmax
-    left, lost, truth = (sphere.analyse(cube, lmax, n_iter=sphere.N_ITER_FLAT) for cube in cubes)
-    kept = truth - lost
-    power = mock_power_of_cubes(truth, kept + left, width)
-    parts = {"truth": power.input, "recovered": power.output, "shared": power.cross}
-    return parts | {"kept": harmonic_power(kept, width), "left": harmonic_power(left, width)}
+    residual, hi_lost = split_error(case, remover, mask_peaks)
+    alms = pipeline.truth_alms(case, cleaned.separation(case, remover, mask_peaks).lmax)
+    recovered, kept, alone = (
+        mock_power(cube, error, case.survey.channel_width)
+        for cube, error in ((alms, residual + -hi_lost), (alms, -hi_lost), (0 * alms, residual))
+    )
+    parts = {"truth": recovered.input, "recovered": recovered.output, "shared": recovered.cross}
+    return parts | {"kept": kept.output, "left": alone.output}
 
 
 def ratios(parts, kind):
