@@ -35,7 +35,7 @@ def measured(step, case, *, beside=True):
     child_end.close()
     try:
         parent_end.recv()  # it has imported and compiled what it needs
-        with _Peak(process.pid) as peak:
+        with Peak(process.pid) as peak:
             parent_end.send("go")
             seconds, needs = parent_end.recv()
         parent_end.send("on")
@@ -65,7 +65,7 @@ def _child(step, case, beside, pipe):
     pipe.send(found)
 
 
-class _Peak:
+class Peak:
     """The largest resident memory of a process and its children while the context lasts."""
 
     def __init__(self, pid):

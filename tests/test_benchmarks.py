@@ -20,7 +20,7 @@ from himap.removal.peaks import smooth_baselines
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 
 from benchmarks import __main__ as chain_of_steps
-from benchmarks import alternatives, methods, scaling, steps
+from benchmarks import alternatives, methods, scaling, steps, whole
 from benchmarks.machine import Machine, Needs
 from benchmarks.measure import Measured, measured
 
@@ -144,6 +144,17 @@ def test_steps_in_processes_of_their_own(tmp_path, small_trials, monkeypatch):
         assert row["seconds"] > 0 and 0.1 < row["memory_gb"] < 5 and row["floor_seconds"] > 0
         assert row["alternative"]["seconds"] > 0 and 0 < row["alternative"]["measured_share"] <= 1
     assert found["about"]["preset"] == "paper" and found["machine"]["bandwidth"] > 0
+
+
+def test_all_commands_of_the_paper_in_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(whole, "COMMANDS", {"peaks": "run 03_peak_masking"})
+    path = tmp_path / "whole.json"
+    done = CliRunner().invoke(whole.main, ["--preset", "ci", "-o", str(path)], catch_exceptions=False)
+    found = json.loads(path.read_text())
+    assert [row["step"] for row in found["commands"]] == ["peaks"] and "peaks" in done.output
+    assert found["seconds"] == found["commands"][0]["seconds"] > 0 and 0.1 < found["memory_gb"] < 5
+    monkeypatch.setattr(whole, "COMMANDS", {"ledger": "measure claims --check nothing.json"})
+    assert "ended with 2" in CliRunner().invoke(whole.main, ["--preset", "ci"]).output
 
 
 def test_times_of_a_machine_that_slows_down_are_brought_to_one_pace():

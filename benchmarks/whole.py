@@ -1,0 +1,83 @@
+"""The whole paper at its own size, from nothing: seconds and memory of each command, and of all.
+
+    python -m benchmarks.whole --galaxy templates --template-dir FOLDER --jobs 2 -o whole.json
+
+The light cone, three observations, all methods, ensembles of SDecGMCA through the three beams and with the
+plane dimmed, the scan with one start, masks, the ledger with one start, and every figure. The cache is a
+folder of its own, in the temporary folder of the machine, that is removed: some 40 GB at the paper's size.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import click
+
+from benchmarks.measure import Peak
+from himap.core.files import atomic_files
+from himap.core.survey import PRESETS, Survey
+from himap.sky.galaxy import SOURCES, Galaxy
+from himap.store.provenance import Provenance
+
+COMMANDS = {
+    "ensembles, masks, diagnostics": "run 10_results 12_post_masking 13_dimmed_galaxy 14_diagnostics "
+    "-p n_restarts={n_restarts}",
+    "scan": "run 11_ns_scan -p n_restarts=1",
+    "peak masking": "run 03_peak_masking",
+    "ledger": "measure claims -p n_realisations=1 -p n_restarts=1 -p n_sources_max=8 -o ledger.json",
+}
+
+
+@click.command()
+@click.option("--preset", type=click.Choice(list(PRESETS)), default="paper", show_default=True)
+@click.option("--galaxy", type=click.Choice(SOURCES), default="synthetic", show_default=True)
+@click.option("--template-dir", type=click.Path(exists=True, resolve_path=True), help="Of the templates.")
+@click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes at once.")
+@click.option("--n-restarts", type=click.IntRange(1), default=8, show_default=True, help="Of an ensemble.")
+@click.option("-o", "--output", metavar="FILE", type=click.Path(dir_okay=False), help="JSON file to write.")
+def main(preset, galaxy, template_dir, jobs, n_restarts, output):
+    """Time the whole paper, and the memory of its processes."""
+    sky = Galaxy(source=galaxy, template_dir=template_dir)
+    options = ["--preset", preset, "-p", f"galaxy={galaxy}", "--jobs", str(jobs)]
+    options += ["-p", f"template_dir={template_dir}"] if template_dir else []
+    started, rows = time.monotonic(), []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, command in COMMANDS.items():
+            words = command.format(n_restarts=n_restarts).split()
+            rows.append({"step": name} | _run([*words, *options], Path(folder)))
+            click.echo(f"{name:32}{rows[-1]['seconds']:7.0f} s {rows[-1]['memory_gb']:6.1f} GB")
+    seconds, memory = sum(row["seconds"] for row in rows), max(row["memory_gb"] for row in rows)
+    click.echo(f"{'all':32}{seconds:7.0f} s {memory:6.1f} GB")
+    if output:
+        parameters = {"jobs": jobs, "n_restarts": n_restarts}
+        made = Provenance.of(
+            Survey.preset(preset), galaxy=sky, preset=preset, parameters=parameters, started=started
+        )
+        content = {"about": asdict(made), "commands": rows, "seconds": seconds, "memory_gb": memory}
+        with atomic_files(output) as (temporary,):
+            temporary.write_text(json.dumps(content, indent=1) + "\n")
+
+
+def _run(arguments, folder):
+    """{"seconds", "memory_gb"} of a himap command in a folder, whose cache is there too."""
+    root = str(Path(__file__).resolve().parents[1])
+    path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
+    variables = os.environ | {"HIMAP_CACHE": str(folder / "cache"), "PYTHONPATH": path}
+    started = time.monotonic()
+    process = subprocess.Popen([sys.executable, "-m", "himap", *arguments], cwd=folder, env=variables)
+    with Peak(process.pid) as peak:
+        failed = process.wait()
+    if failed:
+        raise click.ClickException(
+            f"himap {' '.join(arguments)} ended with {failed}, as said above."
+        )
+    return {"seconds": time.monotonic() - started, "memory_gb": peak.memory / 1e9}
+
+
+if __name__ == "__main__":
+    main()
