@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from test_cli import command_script
 
 import himap
 from himap.store import cache
@@ -33,14 +34,6 @@ n_sources: int = 2  # components to remove
 
 # %%
 print(2 * n_sources)
-"""
-
-COMMAND = """
-import sys, pathlib
-from himap.app.cli.main import main as cli
-from himap.app import notebooks
-notebooks._PACKAGE = pathlib.Path({package!r})
-cli.main()
 """
 
 
@@ -94,7 +87,7 @@ def test_all_notebooks(monkeypatch, tmp_path):
         text = NOTEBOOK.replace("n_sources: int = 2", f"n_sources: int = {n_sources}")
         (tmp_path / "notebooks" / f"{name}.py").write_text(text)
     monkeypatch.chdir(tmp_path)
-    command = [COMMAND.format(package=str(tmp_path / "himap")), "run", "--all"]
+    command = [command_script(tmp_path), "run", "--all"]
     outputs = []
     for is_killed in (True, False):
         before = {}
