@@ -80,7 +80,7 @@ def figures(path):
     outputs = [output for cell in cells for output in cell.get("outputs", [])]
     named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
     quoted = {name: literal_eval(output["data"][QUOTED[0]]) for name, output in named.items() if name}
-    found = []
+    drawn = []
     for cell in cells:
         about = figure_options(cell)
         bundles = [output.get("data", {}) for output in cell.get("outputs", [])]
@@ -93,5 +93,5 @@ def figures(path):
                 if kind in shown[0]
             }
             png = base64.b64decode(shown[0]["image/png"])
-            found.append(Figure(about["name"], caption, Path(path).stem, png, data))
-    return found
+            drawn.append(Figure(about["name"], caption, Path(path).stem, png, data))
+    return drawn

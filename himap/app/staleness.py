@@ -22,8 +22,8 @@ class StoredResult:
 
     Attributes
     ----------
-    path
-        Of the JSON.
+    path, name
+        Of the JSON; the name of the file, or of the folder of figures.
     preset, galaxy
         What it was made with.
     commits
@@ -39,6 +39,7 @@ class StoredResult:
     """
 
     path: Path
+    name: str
     preset: str
     galaxy: str
     commits: set[tuple[str, bool]]
@@ -46,47 +47,31 @@ class StoredResult:
     codes: dict[str, dict | None]
     checked: str = ""
 
-    @classmethod
-    def read(cls, path):
-        """What made the result at `path`."""
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if "figures" in content:
-            rows, checked = content["figures"], {}
-            made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
-            codes = {row["name"]: row.get("code") for row in rows}
-            # Figures of a notebook share one execution.
-            runs = {json.dumps(row["execution"]): row["execution"] for row in rows}.values()
-        else:
-            made = content["about"]
-            checked, runs = made.get("checked", {}), [made]
-            code = checked.get("code", made.get("code"))
-            codes = {content["experiment"]: code} if "experiment" in content else {}
-        return cls(
-            path=path,
-            preset=made["preset"],
-            galaxy=made["galaxy"],
-            commits={(run["commit"], run["dirty"]) for run in runs},
-            seconds=sum(run["seconds"] for run in runs),
-            codes=codes,
-            checked=checked.get("commit", ""),
-        )
 
-    @property
-    def name(self):
-        """The name of the file, or of the folder of figures."""
-        return self.path.parent.name if self.path.stem == "figures" else self.path.stem
-
-    def why_stale(self, today):
-        """Why today's {name: fingerprint} may not give it; empty if they do, or for a timing."""
-        if None in self.codes.values():
-            return "made before fingerprints were kept"
-        gone = [name for name in self.codes if name not in today]
-        if gone:
-            return f"no notebook has {', '.join(gone)} any more"
-        changed = {name: parts for name, code in self.codes.items() if (parts := moved(code, today[name]))}
-        parts = dict.fromkeys(part for parts in changed.values() for part in parts if part != "code")
-        which = f": {', '.join(parts)}" if parts else ""
-        return f"the code behind {', '.join(changed)} changed{which}" if changed else ""
+def read_result(path):
+    """The `StoredResult` at `path`."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if "figures" in content:
+        name, rows, checked = path.parent.name, content["figures"], {}
+        made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
+        codes = {row["name"]: row.get("code") for row in rows}
+        # Figures of a notebook share one execution.
+        runs = {json.dumps(row["execution"]): row["execution"] for row in rows}.values()
+    else:
+        name, made = path.stem, content["about"]
+        checked, runs = made.get("checked", {}), [made]
+        code = checked.get("code", made.get("code"))
+        codes = {content["experiment"]: code} if "experiment" in content else {}
+    return StoredResult(
+        path=path,
+        name=name,
+        preset=made["preset"],
+        galaxy=made["galaxy"],
+        commits={(run["commit"], run["dirty"]) for run in runs},
+        seconds=sum(run["seconds"] for run in runs),
+        codes=codes,
+        checked=checked.get("commit", ""),
+    )
 
 
 def stored_results(folder=None):
@@ -94,7 +79,7 @@ def stored_results(folder=None):
     folder = folder or RESULTS
     files = [*folder.glob("*.json"), *folder.glob("*/figures.json")]
     files = [path for path in files if path.name not in (ACCEPTED.name, PROBES.name)]
-    return sorted(map(StoredResult.read, files), key=lambda result: result.name)
+    return sorted(map(read_result, files), key=lambda result: result.name)
 
 
 def stale_results(folder=None, notebooks_folder=None):
@@ -105,9 +90,15 @@ def stale_results(folder=None, notebooks_folder=None):
     folder, notebooks_folder
         Where the results and the notebooks are, if not in this checkout.
     """
-    tree = CodeTree()
+    tree, states = CodeTree(), {}
     today = {name: measuring_code(name, tree) for name in EXPERIMENTS}
     for notebook in notebooks(notebooks_folder):
         today |= dict.fromkeys(notebook.captions, notebook.fingerprint(tree))
-    states = {result.name: result.why_stale(today) for result in stored_results(folder)}
-    return {name: state for name, state in states.items() if state}
+    for result in stored_results(folder):
+        changes = {name: moved(code, today.get(name, "")) for name, code in result.codes.items()}
+        changed = [name for name, parts in changes.items() if parts]
+        others = dict.fromkeys(part for parts in changes.values() for part in parts if part != "code")
+        if changed:
+            which = f": {', '.join(others)}" if others else ""
+            states[result.name] = f"the code behind {', '.join(changed)} changed{which}"
+    return states

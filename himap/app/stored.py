@@ -95,42 +95,37 @@ def other_records(about, folder=RESULTS):
     folder
         Of the records.
     """
-    made, found = Provenance.of_stored(about), {}
+    made, others = Provenance.of_stored(about), {}
     for path in sorted(Path(folder).glob("*.json")):
         kind = path.stem.partition("_")[0]
         if kind in ("claims", "readings", "restarts"):
             with suppress(InputError):  # of claims as they were judged before
                 for words, by_id in _judgements(Record.load(find_experiment(kind), path), made):
-                    found.setdefault(words, {}).update(by_id)
-    return found
+                    others.setdefault(words, {}).update(by_id)
+    return others
 
 
 def _judgements(record, made):
     """(what differs from `made`, {claim: `Entry`}) of each reading in a record, without what is the same."""
-    words, changed = _difference(made, record.made), dict(record.made.overrides)
-    own = dict(made.overrides).get("reading", "default")
+    usual, words, changed = record_words(made), record_words(record.made), dict(record.made.overrides)
+    replaced = f"{words['method']} in its place" if words["method"] else ""
+    differing = [words[name] for name in ("size", "galaxy", "box") if words[name] != usual[name]]
+    words = ", ".join(filter(None, [replaced, *differing]))
+    reading = dict(made.overrides).get("reading", "default")
     if record.experiment.name == "claims":
-        label = own if "method" in changed else changed.get("reading", "default")
+        label = reading if "method" in changed else changed.get("reading", "default")
         several = {label: {entry.claim.id: entry for entry in entries(record.rows)}}
     else:
         several = {label: one.entries for label, one in outcomes(record.rows).items()}
-    judging = [several[own]] if own in several else list(several.values()) if len(several) > 1 else []
+    judging = [several[reading]] if reading in several else list(several.values()) if len(several) > 1 else []
     holding = [{id for id, entry in by_id.items() if entry.holds} for by_id in judging]
     shared = set.intersection(*holding) if holding else set()  # which are not due to a reading
     for label, by_id in several.items():
         other = {id: entry for id, entry in by_id.items() if id not in shared}
-        if label != own:
+        if label != reading:
             yield ", ".join(filter(None, (f"reading {label}", words))), other
     if words and judging:
-        yield words, several.get(own) or {id: judging[0][id] for id in shared}
-
-
-def _difference(made, other):
-    """What of another `Provenance` differs, in words: method, size, Galaxy or HI box; may be empty."""
-    own, words = record_words(made), record_words(other)
-    replaced = f"{words['method']} in its place" if words["method"] else ""
-    differing = [words[name] for name in ("size", "galaxy", "box") if words[name] != own[name]]
-    return ", ".join(filter(None, [replaced, *differing]))
+        yield words, several.get(reading) or {id: judging[0][id] for id in shared}
 
 
 def record_words(made):
