@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from himap.app import staleness
+from himap.app import stored
 from himap.app.notebooks import find
-from himap.app.staleness import stale_results, stored_results
+from himap.app.stored import stale_results, stored_results
 
 RESULTS = Path(__file__).resolve().parents[1] / "book" / "results"
 NOTEBOOK = """\
@@ -29,7 +29,7 @@ def folders(tmp_path, monkeypatch):
 
     An experiment has a fingerprint with its name.
     """
-    monkeypatch.setattr(staleness, "measuring_code", lambda name, tree: {"code": name})
+    monkeypatch.setattr(stored, "measuring_code", lambda name, tree: {"code": name})
     (tmp_path / "notebooks").mkdir()
     (tmp_path / "notebooks" / "01_toy.py").write_text(NOTEBOOK)
     (tmp_path / "results" / "paper_a").mkdir(parents=True)

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from himap.app.figures import named_figures
-from himap.app.notebook_files import code_cells, figure_options, number_cells
+from himap.app.notebook_files import code_cells, figure_options, named_figures, number_cells
 from himap.app.parameters import read_parameters
 from himap.core.errors import InputError, nearest
 from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from himap.app.figures import figure_order, plain_caption
+from himap.app.notebook_files import figure_order, plain_caption
 from himap.app.notebooks import notebooks, notebooks_folder
 from himap.app.stored import RESULTS, record_words, stored_figure, stored_figures
 from himap.figures import styles
