@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,6 +97,7 @@ def pickled(what):
 
 @product
 def threads(number):
+    warnings.warn(f"this is number {number}", RuntimeWarning, stacklevel=1)
     return int(os.environ["DUCC0_NUM_THREADS"])
 
 
