@@ -120,7 +120,7 @@ def _in_processes(product, missing):
         with patch.dict(os.environ, {_TRANSFORM_THREADS: threads}):
             yield from joblib.Parallel(n_jobs=jobs, **options)(work)
     except TerminatedWorkerError as error:
-        codes = ", ".join({*re.findall(r"\w+\(-?\d+\)", str(error))})  # of several that died alike, one
+        codes = ", ".join(sorted({*re.findall(r"\w+\(-?\d+\)", str(error))}))
         raise InputError(
             f"one of {jobs} processes died ({codes}) as it made {product.name}. What was done is kept: run "
             "the same again, with fewer --jobs if memory ran out."
