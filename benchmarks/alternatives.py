@@ -1,6 +1,6 @@
 """What a user would do without himap, for each method: plain code on well-known packages.
 
-What takes too long is done on a sample; `beside` says how many times that is all of the work.
+What takes too long is done on a sample; `alternatives_to` says how many times that is all of the work.
 """
 
 import warnings
@@ -21,7 +21,7 @@ from himap.removal.parametric import FIXED_INDEX
 N_LINES, N_CHANNELS, N_MODES = 64, 8, 1000  # the sample that a slow alternative is timed on
 
 
-def beside(case, method, found):
+def alternatives_to(case, method, separation):
     """The alternatives to a method on a case, the usual one first; none for one that this file does not know.
 
     Parameters
@@ -30,7 +30,7 @@ def beside(case, method, found):
         The `Case`.
     method
         The method; None for the masking of peaks.
-    found
+    separation
         What it gave, a `Separation`.
 
     Returns
@@ -38,11 +38,11 @@ def beside(case, method, found):
     list of tuple
         A name, a function, and how many times the work of that function is the work of the method.
     """
-    alternatives = _ALTERNATIVES.get(method.name) if method else _beside_polynomials
+    alternatives = _ALTERNATIVES.get(method.name) if method else _for_polynomials
     if alternatives is None:
         return []
     masked = pipeline.peak_masked(case).maps if method else pipeline.observation(case).maps
-    return list(alternatives(case, masked, method, found))
+    return list(alternatives(case, masked, method, separation))
 
 
 def evenly(n_all, n_sample):
@@ -92,12 +92,12 @@ def _on_sample(name, function, items, n_all):
     return name, lambda: [function(item) for item in items], n_all / len(items)
 
 
-def _beside_pca(case, masked, method, found):
+def _for_pca(case, masked, method, separation):
     maps, model = pipeline.observation(case).maps, PCA(method.n_sources)
     yield "scikit-learn PCA", partial(plain_residual, model, maps, masked), 1
 
 
-def _beside_fastica(case, masked, method, found):
+def _for_fastica(case, masked, method, separation):
     """By both of its ways to whiten; svd is the default."""
     maps = pipeline.observation(case).maps
     options = {"fun": method.contrast, "max_iter": method.max_iterations, "tol": method.tolerance}
@@ -106,7 +106,7 @@ def _beside_fastica(case, masked, method, found):
         yield f"scikit-learn FastICA, whitened by {solver}", partial(plain_residual, model, maps, masked), 1
 
 
-def _beside_polynomials(case, masked, method, found):
+def _for_polynomials(case, masked, method, separation):
     n_pix = masked.shape[1]
     block = evenly(n_pix, N_LINES**2)
     yield "numpy legfit, in blocks", lambda: plain_polynomials(masked[:, block]), n_pix / len(block)
@@ -114,21 +114,21 @@ def _beside_polynomials(case, masked, method, found):
     yield _on_sample("numpy legfit, line by line", plain_polynomials, lines, n_pix)
 
 
-def _beside_parametric(case, masked, method, found):
+def _for_parametric(case, masked, method, separation):
     n_pix = masked.shape[1]
     lines, x = masked[:, evenly(n_pix, N_LINES)].T.astype(float), case.survey.freqs / method.nu0
     fit = partial(plain_power_laws, x=x, beta_min=method.beta_min, beta_max=method.beta_max)
     yield _on_sample("scipy least_squares, line by line", fit, lines, n_pix)
 
 
-def _beside_gmca(case, masked, method, found):
+def _for_gmca(case, masked, method, separation):
     channels = evenly(len(masked), N_CHANNELS)
-    inverse = np.linalg.pinv(found.mixing)[:, channels]
+    inverse = np.linalg.pinv(separation.mixing)[:, channels]
 
     def work():
         cube = masked[channels].astype(float)
         scales = SphereDetails(method.n_scales, sphere.nside_of(cube)).details(cube)
-        for _ in range(found.n_iterations):
+        for _ in range(separation.n_iterations):
             for scale in scales:
                 scale @ (inverse @ scale).T
 
@@ -136,14 +136,14 @@ def _beside_gmca(case, masked, method, found):
     yield name, work, len(masked) / len(channels)
 
 
-def _beside_sdecgmca(case, masked, method, found):
+def _for_sdecgmca(case, masked, method, separation):
     """A part of it: the update of all sources for a given A in each iteration; of random numbers, whose
     values cost no time.
     """
     lmax = min(method.lmax, 2 * case.survey.nside)
-    matrices = pipeline.observation(case).beams.T[: lmax + 1, :, None] * found.mixing
-    modes = np.random.default_rng(0).standard_normal((len(found.mixing), (lmax + 1) ** 2))
-    n_iterations = max(1, found.n_iterations)
+    matrices = pipeline.observation(case).beams.T[: lmax + 1, :, None] * separation.mixing
+    modes = np.random.default_rng(0).standard_normal((len(separation.mixing), (lmax + 1) ** 2))
+    n_iterations = max(1, separation.n_iterations)
     yield "sources alone, by numpy lstsq, l by l", partial(plain_sources, matrices, modes), n_iterations
     alms, degree = np.ascontiguousarray(harmonic.from_modes(modes).T), sphere.alm_degree(lmax)
     name, work, times = _on_sample(
@@ -156,10 +156,10 @@ def _beside_sdecgmca(case, masked, method, found):
 
 
 _ALTERNATIVES = {
-    "pca": _beside_pca,
-    "fastica": _beside_fastica,
-    "gmca": _beside_gmca,
-    "sdecgmca": _beside_sdecgmca,
-    "polynomial": _beside_polynomials,
-    "parametric": _beside_parametric,
+    "pca": _for_pca,
+    "fastica": _for_fastica,
+    "gmca": _for_gmca,
+    "sdecgmca": _for_sdecgmca,
+    "polynomial": _for_polynomials,
+    "parametric": _for_parametric,
 }

@@ -59,7 +59,11 @@ class Trial:
         """A new `Place`, with the cube that is cleaned."""
         self._n += 1
         place = Place(self.home / str(self._n))
-        _write_cube(place.folder / "work" / "cube.h5")
+        freqs, rng = np.linspace(900, 1400, _N_CHANNELS), np.random.default_rng(1)
+        maps = (freqs[:, None] / 900) ** -2.7 * rng.lognormal(size=12 * _NSIDE**2) * 1e3
+        with h5py.File(place.folder / "work" / "cube.h5", "w") as file:
+            file["maps"], file["freqs"] = maps + 0.1 * rng.standard_normal(maps.shape), freqs
+            file.attrs.update(unit="mK", ordering="RING")
         return place
 
     def finish(self, place):
@@ -140,7 +144,7 @@ def kill_workers(trial, n_times, chance):
             with suppress(psutil.Error):
                 chance.choice(workers).kill()
                 trial.counts["workers_killed"] += 1
-        _count_end(trial, place, process, "died of")
+        _count_end(trial, place, process, "processes died")
 
 
 def _count_end(trial, place, process, words):
@@ -149,14 +153,6 @@ def _count_end(trial, place, process, words):
     trial.counts["told_in_a_sentence"] += code == 2 and words in said and "Traceback" not in said
     trial.counts["done_all_the_same"] += code == 0
     trial.finish(place)
-
-
-def _write_cube(path):
-    freqs, rng = np.linspace(900, 1400, _N_CHANNELS), np.random.default_rng(1)
-    maps = (freqs[:, None] / 900) ** -2.7 * rng.lognormal(size=12 * _NSIDE**2) * 1e3
-    with h5py.File(path, "w") as file:
-        file["maps"], file["freqs"] = maps + 0.1 * rng.standard_normal(maps.shape), freqs
-        file.attrs.update(unit="mK", ordering="RING")
 
 
 def _stored(output):

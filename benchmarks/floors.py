@@ -1,15 +1,79 @@
-"""What every step of the chain needs at least: transforms, bytes moved, operations of matrix products."""
+"""What this machine can do, measured on the spot, and what every step of the chain needs of it at least.
 
-from dataclasses import replace
+Transforms, bytes moved, and operations of matrix products: their time is the floor of a step.
+"""
+
+from dataclasses import dataclass, replace
+from time import perf_counter
 
 import numpy as np
 
-from benchmarks.machine import Needs
 from himap.maps import sphere
 from himap.sky.cosmology import Cosmology, redshift
 from himap.sky.light_cone import plan_rays
 
+_BYTES = 2**28  # of an array far larger than the caches
+_SIDE = 1500  # of the matrices that are multiplied
 _ANALYSIS = 2 * sphere.N_ITER_FLAT + 1  # transforms
+
+
+@dataclass(frozen=True, kw_only=True)
+class Machine:
+    """Bytes moved and operations done in a second, and seconds of one transform, in float32 and float64."""
+
+    bandwidth: float
+    operations: float
+    operations_single: float
+    transform: float
+    transform_single: float
+
+    @classmethod
+    def measured(cls, nside):
+        """Of this machine, all cores, with transforms between maps of `nside` and l = 3 nside - 1."""
+        source, target = np.ones(_BYTES // 8), np.zeros(_BYTES // 8)
+        matrix = np.random.default_rng(0).standard_normal((_SIDE, _SIDE))
+        single = matrix.astype(np.float32)
+        alm = sphere.gaussian_alm(np.ones(3 * nside), np.random.default_rng(0))
+        alm_single = alm.astype(np.complex64)
+        return cls(
+            bandwidth=2 * _BYTES / _quickest(lambda: np.copyto(target, source)),
+            operations=2 * _SIDE**3 / _quickest(lambda: matrix @ matrix),
+            operations_single=2 * _SIDE**3 / _quickest(lambda: single @ single),
+            transform=_quickest(lambda: sphere.synthesise(alm, nside)),
+            transform_single=_quickest(lambda: sphere.synthesise(alm_single, nside)),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Needs:
+    """What a step cannot do without: transforms, bytes moved, operations of matrix products."""
+
+    transforms: float = 0
+    transforms_single: float = 0
+    n_bytes: float = 0
+    operations: float = 0
+    operations_single: float = 0
+
+    def floor(self, machine):
+        """Seconds on `machine`, if nothing were lost and nothing overlapped."""
+        return (
+            self.transforms * machine.transform
+            + self.transforms_single * machine.transform_single
+            + self.n_bytes / machine.bandwidth
+            + self.operations / machine.operations
+            + self.operations_single / machine.operations_single
+        )
+
+
+def _quickest(function):
+    """Seconds of the quickest of five calls, after one that does not count."""
+    function()
+    seconds = []
+    for _ in range(5):
+        started = perf_counter()
+        function()
+        seconds.append(perf_counter() - started)
+    return min(seconds)
 
 
 def _cube(survey):
@@ -21,19 +85,12 @@ def light_cone(survey, _):
 
     Of the rays two trilinear interpolations in every step, of seven times two operations.
     """
-    box = 4 * survey.box_cells**3
-    return Needs(
-        n_bytes=5 * 3 * 2 * box + 4 * 2 * box + 2 * box + _cube(survey),
-        operations_single=2 * 7 * 2 * _n_ray_steps(survey),
-    )
-
-
-def _n_ray_steps(survey):
-    """Steps of all rays through the box."""
     far, near = Cosmology().comoving_distance(redshift(survey.freq_edges[[0, -1]]))
     bounds, step = plan_rays(survey.nside, survey.box_size / survey.box_cells, near, far)
-    lengths = np.diff(bounds) / step
-    return survey.n_pix * float(lengths @ 4.0 ** np.arange(len(lengths)))
+    lengths, box = np.diff(bounds) / step, 4 * survey.box_cells**3
+    n_steps = survey.n_pix * float(lengths @ 4.0 ** np.arange(len(lengths)))  # of all rays
+    n_bytes = 5 * 3 * 2 * box + 4 * 2 * box + 2 * box + _cube(survey)
+    return Needs(n_bytes=n_bytes, operations_single=2 * 7 * 2 * n_steps)
 
 
 def observations(survey, _):

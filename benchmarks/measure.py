@@ -1,7 +1,7 @@
 """A step in a process of its own: its time, the memory of the process and its children, its alternative."""
 
-import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 
@@ -11,7 +11,7 @@ from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
 from himap.removal.parametric import Parametric
 
-_INTERVAL = 0.05  # s between looks at the memory
+INTERVAL = 0.05  # s between looks at the memory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,26 +27,36 @@ class Measured:
     alternatives: list[tuple]
 
 
-def measured(step, case, *, beside=True):
-    """Run `step` on `case`, and its alternative unless told otherwise; a `Measured`."""
+def memory_of(pid):
+    """Resident memory of a process and its children, bytes, mapped files included; 0 once one has ended."""
+    with suppress(psutil.NoSuchProcess):
+        root = psutil.Process(pid)
+        return sum(one.memory_info().rss for one in [root, *root.children(recursive=True)])
+    return 0
+
+
+def measured(step, case, *, alternatives=True):
+    """Run `step` on `case`, and its alternatives unless these are not wanted; a `Measured`."""
     parent_end, child_end = get_context("spawn").Pipe()
-    process = get_context("spawn").Process(target=_child, args=(step, case, beside, child_end))
+    process = get_context("spawn").Process(target=_child, args=(step, case, alternatives, child_end))
     process.start()
     child_end.close()
+    memory, is_done = 0, False
     try:
         parent_end.recv()  # it has imported and compiled what it needs
-        with Peak(process.pid) as peak:
-            parent_end.send("go")
-            seconds, needs = parent_end.recv()
-        parent_end.send("on")
-        return Measured(seconds=seconds, memory=peak.memory, needs=needs, alternatives=parent_end.recv())
+        parent_end.send("go")
+        while not is_done:
+            memory = max(memory, memory_of(process.pid))
+            is_done = parent_end.poll(INTERVAL)
+        seconds, needs = parent_end.recv()
+        return Measured(seconds=seconds, memory=memory, needs=needs, alternatives=parent_end.recv())
     except EOFError:
         raise RuntimeError(f"the process of {step.name} ended before its work was done.") from None
     finally:
         process.join()
 
 
-def _child(step, case, beside, pipe):
+def _child(step, case, alternatives, pipe):
     tiny = pipeline.Case(survey=Survey(nside=8, n_channels=30, box_cells=16), beam=case.beam)
     pipeline.hi_of_sky.compute(tiny.survey.sky)  # compiles
     cleaned.separation.compute(tiny, Parametric())
@@ -56,37 +66,9 @@ def _child(step, case, beside, pipe):
     result = step.work(case)
     seconds = time.perf_counter() - started
     pipe.send((seconds, step.needs and step.needs(case.survey, result)))
-    pipe.recv()
-    found = []
-    for name, work, times in step.beside(case, result) if beside and step.beside else ():
+    timed = []
+    for name, work, times in step.alternatives(case, result) if alternatives and step.alternatives else ():
         started = time.perf_counter()
         work()
-        found.append((name, times * (time.perf_counter() - started), 1 / times))
-    pipe.send(found)
-
-
-class Peak:
-    """The largest resident memory of a process and its children while the context lasts."""
-
-    def __init__(self, pid):
-        self.memory, self._pid, self._done = 0, pid, threading.Event()
-        self._watcher = threading.Thread(target=self._watch, daemon=True)
-
-    def __enter__(self):
-        self._watcher.start()
-        return self
-
-    def __exit__(self, *error):
-        self._done.set()
-        self._watcher.join()
-
-    def _watch(self):
-        while True:
-            try:
-                root = psutil.Process(self._pid)
-                tree = [root, *root.children(recursive=True)]
-                self.memory = max(self.memory, sum(process.memory_info().rss for process in tree))
-            except psutil.NoSuchProcess:
-                pass  # one of them has just ended
-            if self._done.wait(_INTERVAL):
-                return
+        timed.append((name, times * (time.perf_counter() - started), 1 / times))
+    pipe.send(timed)

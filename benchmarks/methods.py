@@ -8,12 +8,10 @@ means that the alternative takes longer. Times depend on the machine, ratios les
 
 import click
 
-from benchmarks.__main__ import case_options, line_of
+from benchmarks.__main__ import case_options
 from benchmarks.measure import measured
 from benchmarks.steps import STEPS, prepare, step_of
 from himap import removal
-
-_WIDTHS = (20, 11, 10)
 
 
 @click.command()
@@ -25,15 +23,13 @@ def main(preset, case):
         f"{preset}: {survey.n_channels} channels, nside {survey.nside}, {case.galaxy.source} Galaxy, "
         f"{case.beam} beam. N x: the alternative takes N times as long."
     )
-    click.echo(line_of(("method", "time", "memory", "alternative"), _WIDTHS))
     prepare(case)
     for step in [
         *(step for step in STEPS if step.name == "peak masking"),
         *map(step_of, removal.available()),
     ]:
         found = measured(step, case)
-        cells = (step.name, f"{found.seconds:.3g} s", f"{found.memory / 1e9:.2f} GB", "")
-        click.echo(line_of(cells, _WIDTHS))
+        click.echo(f"{step.name:20}  {found.seconds:9.3g} s  {found.memory / 1e9:7.2f} GB")
         for name, seconds, share in found.alternatives:
             sampled = f" (from {share:.2g} of it)" if share < 1 else ""
             click.echo(f"    {seconds / found.seconds:10.2f} x  {name}{sampled}")

@@ -64,7 +64,7 @@ def measure(steps):
             prepare(case)
             for step in steps:
                 probe_before = probe()
-                measurement = measured(step, case, beside=False)
+                measurement = measured(step, case, alternatives=False)
                 runs[step.name].append((measurement, (probe_before + probe()) / 2))
         costs[name] = {}
         for step, measurements in runs.items():

@@ -11,7 +11,7 @@ from functools import partial
 import healpy as hp
 
 from benchmarks import floors
-from benchmarks.alternatives import beside, evenly
+from benchmarks.alternatives import alternatives_to, evenly
 from himap import removal
 from himap.maps import sphere
 from himap.paper import cleaned, pipeline
@@ -32,8 +32,8 @@ class Step:
         What it is called.
     work
         Called with the `Case`; its time is what is measured.
-    beside
-        Called with the `Case` and what `work` returned: the alternatives, as `alternatives.beside` has them.
+    alternatives
+        Called with the `Case` and what `work` returned: as of `benchmarks.alternatives.alternatives_to`.
     target
         (seconds, GB) that it should stay within at preset `paper`, on 2 cores and an idle machine.
     needs
@@ -42,7 +42,7 @@ class Step:
 
     name: str
     work: Callable
-    beside: Callable | None = None
+    alternatives: Callable | None = None
     target: tuple = ()
     needs: Callable | None = None
 
@@ -68,7 +68,7 @@ def observations(case):
         product(*call)
 
 
-def beside_observations(case, _):
+def usual_observations(case, _):
     """One channel with healpy: convolved HI, noise and foregrounds, float64, no shared analysis."""
     hi = pipeline.hi_of_sky(case.survey.sky)
     channels = evenly(case.survey.n_channels, N_SAMPLES)
@@ -96,9 +96,9 @@ def peaks(case):
     pipeline.peak_masked.compute(case)
 
 
-def beside_peaks(case, _):
+def usual_peaks(case, _):
     """The alternatives to a fit of polynomials."""
-    return beside(case, None, None)
+    return alternatives_to(case, None, None)
 
 
 def method_of(beam, name, **changed):
@@ -118,9 +118,9 @@ def separate(case, name, **changed):
         return cleaned.separation.compute(case, method_of(case.beam, name, **changed))
 
 
-def beside_method(case, found, name, **changed):
+def usual_method(case, found, name, **changed):
     """The alternatives to a method."""
-    return beside(case, method_of(case.beam, name, **changed), found)
+    return alternatives_to(case, method_of(case.beam, name, **changed), found)
 
 
 def step_of(name, label="", *, target=(), needs=None, **changed):
@@ -131,7 +131,7 @@ def step_of(name, label="", *, target=(), needs=None, **changed):
         target=target,
         work=partial(separate, **options),
         needs=needs,
-        beside=partial(beside_method, **options),
+        alternatives=partial(usual_method, **options),
     )
 
 
@@ -140,7 +140,7 @@ def analysis(case):
     pipeline.analysis.compute(case)
 
 
-def beside_analysis(case, _):
+def usual_analysis(case, _):
     """healpy's map2alm without refinements, float64, channel by channel."""
     return _by_channel(
         "healpy map2alm, no refinement", pipeline.observation(case).maps, partial(hp.map2alm, iter=0)
@@ -166,7 +166,7 @@ def prepare(case):
     cleaned.separation(case, method_of(case.beam, "pca"))
 
 
-def beside_spectra(case, _):
+def usual_spectra(case, _):
     """healpy's anafast, channel by channel."""
     residual = cleaned.residual(case, method_of(case.beam, "pca"))
     return _by_channel(
@@ -181,9 +181,9 @@ STEPS = [
         target=(240, 6),
         work=observations,
         needs=floors.observations,
-        beside=beside_observations,
+        alternatives=usual_observations,
     ),
-    Step(name="peak masking", target=(10, 8), work=peaks, needs=floors.lines, beside=beside_peaks),
+    Step(name="peak masking", target=(10, 8), work=peaks, needs=floors.lines, alternatives=usual_peaks),
     step_of("pca", "PCA", target=(8, 3), needs=floors.pca),
     step_of("polynomial", target=(8, 3), needs=floors.lines),
     step_of("fastica", "FastICA", target=(12, 3), needs=floors.fastica),
@@ -194,9 +194,9 @@ STEPS = [
         target=(60, 6),
         work=analysis,
         needs=floors.analysis,
-        beside=beside_analysis,
+        alternatives=usual_analysis,
     ),
     step_of("beam_subspace", "BeamSubspace", target=(25, 3), needs=floors.beam_subspace, n_sources=3),
     step_of("sdecgmca", "SDecGMCA", target=(150, 8), needs=floors.sdecgmca),
-    Step(name="all measures", target=(6, 3), work=measures, needs=floors.spectra, beside=beside_spectra),
+    Step(name="all measures", target=(6, 3), work=measures, needs=floors.spectra, alternatives=usual_spectra),
 ]

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import click
 
-from benchmarks.measure import Peak
+from benchmarks.measure import INTERVAL, memory_of
 from himap.core.files import atomic_files
 from himap.core.survey import PRESETS, Survey
 from himap.sky.galaxy import SOURCES, Galaxy
@@ -73,9 +73,7 @@ def _run(arguments, folder):
     with Peak(process.pid) as peak:
         failed = process.wait()
     if failed:
-        raise click.ClickException(
-            f"himap {' '.join(arguments)} ended with {failed}, as said above."
-        )
+        raise click.ClickException(f"himap {' '.join(arguments)} ended with {failed}, as said above.")
     return {"seconds": time.monotonic() - started, "memory_gb": peak.memory / 1e9}
 
 

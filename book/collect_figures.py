@@ -13,8 +13,7 @@ from pathlib import Path
 
 import click
 
-from himap.app.figures import figures
-from himap.app.notebook_files import STAMP, read_notebook
+from himap.app.notebook_files import STAMP, figures, read_notebook
 from himap.core.errors import InputError
 from himap.core.files import atomic_files
 from himap.sky.galaxy import Galaxy

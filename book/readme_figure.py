@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from himap.app.figures import figures
+from himap.app.notebook_files import figures
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOK = ROOT / "notebooks" / "10_results.ipynb"

@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,12 +56,6 @@ def base(survey, *, scale=1.0, options=None):
 
 
 @product
-def pair(survey, *, scale=1.0):
-    note("pair")
-    return Pair(first=base(survey, scale=scale) + 1, label="sum")
-
-
-@product
 def of_template(template):
     note("template")
     return np.array([len(template.digest())])
@@ -101,10 +96,11 @@ def pickled(what):
 
 
 @product
-def dying(number):
-    os.kill(os.getpid(), signal.SIGKILL)
+def threads(number):
+    warnings.warn(f"this is number {number}", RuntimeWarning, stacklevel=1)
+    return int(os.environ["DUCC0_NUM_THREADS"])
 
 
 @product
-def failing():
-    raise KeyError("mine")
+def dying(number):
+    os.kill(os.getpid(), signal.SIGKILL)

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is n
 
 from benchmarks import __main__ as chain_of_steps
 from benchmarks import alternatives, methods, scaling, steps, whole
-from benchmarks.machine import Machine, Needs
+from benchmarks.floors import Machine, Needs
 from benchmarks.measure import Measured, measured
 
 TINY = {"nside": "8", "n_channels": "30", "box_cells": "16"}
@@ -39,10 +39,10 @@ def maps(rng):
     return maps.astype(np.float32)
 
 
-def measured_here(step, case, *, beside=True):
+def measured_here(step, case, *, alternatives=True):
     """A `Measured` without a process of its own, which takes long to start, and without a clock."""
     result, others = step.work(case), []
-    for name, work, times in step.beside(case, result) if beside and step.beside else ():
+    for name, work, times in step.alternatives(case, result) if alternatives and step.alternatives else ():
         work()
         others.append((name, 2.0, 1 / times))
     needs = step.needs and step.needs(case.survey, result)
@@ -116,8 +116,8 @@ def test_floors_add_up():
 @pytest.fixture
 def small_trials(monkeypatch):
     """The machine is measured with arrays that are soon done."""
-    monkeypatch.setattr("benchmarks.machine._BYTES", 2**22)
-    monkeypatch.setattr("benchmarks.machine._SIDE", 300)
+    monkeypatch.setattr("benchmarks.floors._BYTES", 2**22)
+    monkeypatch.setattr("benchmarks.floors._SIDE", 300)
 
 
 def test_what_the_machine_can_do(small_trials):
@@ -129,16 +129,16 @@ def test_what_the_machine_can_do(small_trials):
 def test_steps_in_processes_of_their_own(tmp_path, small_trials, monkeypatch):
     """As from the shell, one of them in a process: the table, and the file."""
 
-    def measure(step, case, *, beside):
-        return (measured if step.name == "PCA" else measured_here)(step, case, beside=beside)
+    def measure(step, case, **options):
+        return (measured if step.name == "PCA" else measured_here)(step, case, **options)
 
     monkeypatch.setattr(chain_of_steps, "measured", measure)
     path = tmp_path / "steps.json"
     only = ["--only", "PCA", "--only", "all measures"]
     lines = table(chain_of_steps.main, "--preset", "paper", *only, "-o", str(path))
-    first, second = [line for line in lines if line.startswith(("PCA", "all measures"))]
-    assert "8 s" in first and "scikit-learn PCA" in first
-    assert "6 s" in second and "healpy anafast" in second
+    first, second = [line for line in lines if line.startswith("| ") and "× " in line]
+    assert "PCA" in first and "8\N{NO-BREAK SPACE}s" in first and "scikit-learn PCA" in first
+    assert "6\N{NO-BREAK SPACE}s" in second and "healpy anafast" in second
     found = json.loads(path.read_text())
     for row in found["steps"]:
         assert row["seconds"] > 0 and 0.1 < row["memory_gb"] < 5 and row["floor_seconds"] > 0

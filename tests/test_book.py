@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from himap.app.staleness import stored_results
+from himap.app.stored import stored_results
 
 ROOT = Path(__file__).resolve().parents[1]
 

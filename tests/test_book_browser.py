@@ -8,7 +8,7 @@ import pytest
 import yaml
 from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
 
-from himap.app.figures import figures, plain_caption
+from himap.app.notebook_files import figures, plain_caption
 from himap.figures.numbers import quoted
 
 ROOT = Path(__file__).resolve().parents[1]

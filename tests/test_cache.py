@@ -64,8 +64,8 @@ def _tree(tree):
 @pytest.mark.parametrize(
     ("harm", "why"),
     [
-        (lambda folder: os.truncate(folder / "0.npy", 100), "it has .* of .* bytes"),
-        (_alter, "its checksum is another"),
+        (lambda folder: os.truncate(folder / "0.npy", 100), "0.npy has another checksum"),
+        (_alter, "0.npy has another checksum"),
         (lambda folder: (folder / "0.npy").unlink(), "No such file"),
         (lambda folder: (folder / "note.json").write_text("{"), ""),
         (_tree('{"array": "/etc/passwd"}'), "no array of this folder"),
@@ -83,32 +83,14 @@ def test_a_damaged_result_is_computed_again_with_a_warning(lab, kept, harm, why)
     assert lab.computed() == ["base", "base"] and "antigravity" not in sys.modules
 
 
-@pytest.mark.parametrize(
-    ("error", "kind", "message"),
-    [
-        ((24, "too many open files"), OSError, "too many open files"),
-        ((13, "Permission denied"), InputError, "base cannot be read .*Permission denied"),
-    ],
-)
-def test_what_the_machine_refuses_is_no_damage(lab, kept, monkeypatch, error, kind, message):
-    with monkeypatch.context() as patched, pytest.raises(kind, match=message):
+@pytest.mark.parametrize("error", [(24, "too many open files"), (13, "Permission denied")])
+def test_what_the_machine_refuses_is_no_damage(lab, kept, monkeypatch, error):
+    with monkeypatch.context() as patched:
         patched.setattr("numpy.load", _refuse(*error))
-        lab.base(SURVEY)
+        with pytest.raises(InputError, match=f"base cannot be read .*{error[1]}"):
+            lab.base(SURVEY)
     lab.base(SURVEY)
     assert lab.computed() == ["base"]
-
-
-def test_a_writer_that_is_killed_leaves_no_result(lab):
-    size = 400_000_000 // 8
-    process = lab.start(f"lab.slow({size})")
-    lab.wait_for(_unfinished)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert not lab.slow.is_cached(size)
-    (rest,) = cache.cache_info()
-    assert rest.product == "unfinished" and rest.n_bytes < size * 8
-    assert lab.slow(1000).sum() == 1000  # the next writer tidies up
-    assert not _unfinished()
 
 
 _AT_WORK = """
@@ -138,14 +120,15 @@ def test_work_in_files_that_is_interrupted_goes_on(lab, how):
     assert not _unfinished()
 
 
-def test_writers_at_work_are_left_alone(lab, kept):
+def test_writers_at_work_go_on(lab, kept):
     hosts = (socket.gethostname(), "elsewhere")
     names = {f"unfinished-{host}-{os.getpid()}-0123abcd" for host in hosts}
     for name in names:
         (kept.parent / name).mkdir()
     lab.base(SURVEY, scale=2.0)
     assert {path.name for path in _unfinished()} == names
-    assert cache.clear_cache(["unfinished"]) == 0 and not _unfinished()
+    unfinished = [entry for entry in cache.cache_info() if entry.product == "unfinished"]
+    assert cache.clear_cache(unfinished) == 0 and not _unfinished()
 
 
 @pytest.mark.parametrize("is_killed", [False, True])
@@ -188,6 +171,9 @@ def test_a_folder_that_can_only_be_read_is_read(lab, kept, monkeypatch):
     assert lab.base(SURVEY).size == 100
     with pytest.raises(InputError, match="base cannot be kept .*Read-only"):
         lab.base(SURVEY, scale=2.0)
+    monkeypatch.setenv("HIMAP_CACHE", str(kept / "0.npy" / "cache"))  # below a file
+    with pytest.raises(InputError, match="HIMAP_CACHE"):
+        lab.base(SURVEY, scale=2.0)
     assert lab.computed() == ["base"]  # said before the work
 
 
@@ -199,13 +185,6 @@ def test_a_disk_that_is_full_is_one_clear_error(lab):
     error = done.stderr.strip().splitlines()[-1]
     assert "slow cannot be kept in" in error and "GB are free. Free space with `himap cache clear`" in error
     assert not _unfinished() and not cache.cache_info()
-
-
-def test_a_cache_folder_that_cannot_be(lab, monkeypatch, tmp_path):
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "file" / "cache"))
-    with pytest.raises(InputError, match="HIMAP_CACHE"):
-        lab.base(SURVEY)
 
 
 @pytest.mark.parametrize("text", ["[]", "3", "{", '{"seconds": "x", "product": null}', "\0"])
@@ -300,7 +279,7 @@ def test_a_folder_of_others_or_that_they_can_write_to_is_refused(lab, kept, monk
     cache.cache_folder().chmod(0o755)
     with (
         monkeypatch.context() as patched,
-        pytest.raises(InputError, match="another user .number .*HIMAP_CACHE"),
+        pytest.raises(InputError, match="belongs to the user with number .*HIMAP_CACHE"),
     ):
         patched.setattr("os.geteuid", lambda: 12345)
         use(lab)

@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 from ledgers import finding
 
-import himap
-from himap.app import notebooks
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.claims.entries import finding_rows
 from himap.paper.experiments import EXPERIMENTS, authors, find_experiment
@@ -25,7 +23,6 @@ def seen(monkeypatch):
     Every sky has two claims: D1, which holds for two methods on even seeds and for one on odd ones, and N1,
     which holds for none.
     """
-    monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
     tables = []
 
     def table(self, skies):
@@ -94,9 +91,9 @@ def bad(name, *options, message):
         bad("claims", "--preset", "huge", message="unknown preset"),
         bad("claims", "--jobs", "0", message="--jobs"),
         bad("claims", "--check", "none.json", message="there is no record none.json"),
-        bad("claims", "--check", "none.json", "--grow", "none.json", message="--grow exclude each other"),
-        bad("claims", "--check", "none.json", "-o", "b.json", message="leave -o out"),
-        bad("claims", "--grow", "none.json", "--overwrite", message="leave -o out"),
+        bad("claims", "--check", "none.json", "--grow", "none.json", message="give one of them"),
+        bad("claims", "--check", "none.json", "-o", "b.json", message="without -o and"),
+        bad("claims", "--grow", "none.json", "--overwrite", message="without -o and"),
         bad("readings", "-p", "reading=code", message="unknown parameter reading"),
         bad("readings", "-p", "method=beam_subspace", message="unknown parameter method"),
         bad("transfer", "-p", "results=[]", message="unknown parameter results"),
@@ -149,7 +146,6 @@ class TestCheckAndGrow:
             rows = [curve | {"method": method, "ratio": ratio} for method, ratio in both.items()]
             return self.frame([{"seed": skies[0].survey.seed} | row for row in rows])
 
-        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
         monkeypatch.setattr(Experiment, "table", table)
         command = ("measure", "methods", "-p", "n_realisations=1")
         assert himap_command(*command, "-o", "a.json")[0] == 0
@@ -163,7 +159,6 @@ class TestCheckAndGrow:
     def test_a_record_of_single_runs_is_refused_before_the_work(self, himap_command, monkeypatch):
         row = {"restart": 0, "quantity": "change", "x": 150.0, "value": 0.1}
         tables = iter([authors.EXPERIMENT.frame([{"seed": 2025} | row])])
-        monkeypatch.setattr(notebooks, "_PACKAGE", Path(himap.__file__).parent)
         monkeypatch.setattr(Experiment, "table", lambda self, skies: next(tables))
         command = ("measure", "authors", "-p", "n_restarts=1")
         assert himap_command(*command, "-o", "a.json")[0] == 0

@@ -14,8 +14,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "book"))  # is not 
 
 import collect_figures
 
-from himap.app.figures import Figure, figure_order, figures, named_figures, plain_caption
-from himap.app.notebook_files import STAMP, read_notebook, write_notebook
+from himap.app.notebook_files import (
+    STAMP,
+    Figure,
+    figure_order,
+    figures,
+    named_figures,
+    plain_caption,
+    read_notebook,
+    write_notebook,
+)
 from himap.figures.numbers import QUOTED
 from himap.maps.healpix_io import write_maps
 

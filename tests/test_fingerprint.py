@@ -1,6 +1,5 @@
 """Fingerprints: an edit changes those of what depends on it, and no others."""
 
-import os
 import textwrap
 
 import pytest
@@ -10,49 +9,6 @@ from himap.core.errors import InputError
 from himap.store import sources
 from himap.store.fingerprint import CodeTree, moved
 from himap.store.store import code_digest, is_current, tree_of
-
-FILES = {
-    "__init__.py": "VERSION = 1",
-    "errors.py": "class Oops(Exception): ...",
-    "spectra.py": """
-        from toy.errors import Oops
-        SCALE = 2
-        def spectrum(x):
-            '''Doc.'''
-            return SCALE * x
-        def unused(): raise Oops
-    """,
-    "sky/__init__.py": "",
-    "sky/hi.py": "from toy.errors import Oops\ndef hi(): raise Oops",
-    "sky/galaxy.py": "from . import hi\nclass Galaxy:\n    def maps(self): return hi.hi()",
-    "removal/__init__.py": "from toy.removal.base import create\nfrom toy.removal import pca",
-    "removal/base.py": "KNOWN = []\ndef create(name): return KNOWN[name]",
-    "removal/pca.py": "from toy.removal import base\nclass PCA: n = 1\nbase.KNOWN.append(PCA)",
-    "removal/tools/__init__.py": "def tool(): ...",
-    "pipeline.py": """
-        from himap.store.store import product
-        import toy.spectra as spectra
-        from toy import removal
-        from toy.sky import hi
-        from toy.sky.galaxy import Galaxy
-        LIMIT = 3
-        TABLE = {}
-        TABLE["a"] = 1
-        class Case:
-            galaxy: Galaxy
-        def helper(x): return helper(x - 1) if x > LIMIT else x
-        @product
-        def maps(): return hi.hi(), TABLE
-        @product
-        def cleaned(n=1): return helper(removal.create("pca")(maps()))
-        @product
-        def power():
-            helper = 1
-            from toy.spectra import spectrum
-            return spectrum(maps()) + helper
-    """,
-    "plotting.py": "from toy import pipeline\ndef plot(): print(pipeline)",
-}
 
 
 @pytest.fixture
@@ -66,66 +22,12 @@ def written(tmp_path):
             path = tmp_path / "toy" / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text.replace(old, new) if name == file else text)
-            os.utime(path, ns=(write.clock, write.clock))
-            write.clock += 1
         return CodeTree(toy=tmp_path / "toy")
 
-    write.clock = 10**18
     return write
 
 
-@pytest.fixture
-def toy(written):
-    """The fingerprints of the toy's products and of notebooks."""
-
-    def fingerprints(file="errors.py", old="", new=""):
-        tree = written(FILES, file, old, new)
-        found = {name: tree.fingerprint("toy.pipeline", name) for name in ("maps", "cleaned", "power")}
-        found["case"] = tree.source_fingerprint("from toy import pipeline", "case = pipeline.Case()")
-        found["notebook"] = tree.source_fingerprint("from toy import pipeline as p", "p.cleaned(p.Case())")
-        found["tool"] = tree.source_fingerprint("from toy.removal.tools import tool")
-        found["plotting"] = tree.source_fingerprint("import toy.plotting as p\np.plot()")
-        return found
-
-    return fingerprints
-
-
-ALL = {"maps", "cleaned", "power", "case", "notebook", "plotting", "tool"}
-CLEANED = {"cleaned", "notebook", "plotting"}
-
-
-@pytest.mark.parametrize(
-    "file, old, new, changed",
-    [
-        ("spectra.py", "SCALE * x", "SCALE / x", {"power", "plotting"}),
-        ("spectra.py", "SCALE = 2", "SCALE = 3", {"power", "plotting"}),
-        ("spectra.py", "Doc.", "Another.", set()),
-        ("spectra.py", "return SCALE", "# why\n\n    return (SCALE)", set()),
-        ("spectra.py", "raise Oops", "return Oops", {"plotting"}),
-        ("spectra.py", "SCALE = 2", "SCALE = 2\nprint()", {"power", "plotting"}),
-        ("errors.py", "...", "x = 1", ALL - {"tool"}),
-        ("sky/hi.py", "hi()", "hi(x=1)", ALL - {"tool"}),
-        ("sky/galaxy.py", "maps", "other", {"case", "notebook", "plotting"}),
-        ("sky/__init__.py", "", "print()", ALL - {"tool"}),
-        ("sky/__init__.py", "", "for x in [1]: print(x)", ALL - {"tool"}),
-        ("sky/__init__.py", "", "x = 1", set()),
-        ("removal/pca.py", "n = 1", "n = 2", CLEANED | {"tool"}),
-        ("removal/base.py", "[]", "{}", CLEANED | {"tool"}),
-        ("__init__.py", "1", "2", set()),
-        ("pipeline.py", "LIMIT = 3", "LIMIT = 4", CLEANED),
-        ("pipeline.py", '"a"] = 1', '"a"] = 2', ALL - {"case", "tool"}),
-        ("pipeline.py", "n=1", "n=2", CLEANED),
-        ("pipeline.py", "helper = 1", "helper = 2", {"power", "plotting"}),
-        ("plotting.py", "print", "repr", {"plotting"}),
-    ],
-)
-def test_an_edit_changes_what_depends_on_it_and_nothing_else(toy, file, old, new, changed):
-    before, after = toy(), toy(file, old, new)
-    assert {name for name in before if moved(before[name], after[name])} == changed
-    assert len({str(one) for one in before.values()}) == 7
-
-
-METHODS = {
+FILES = {
     "__init__.py": "",
     "registry.py": "class Registry:\n    def named(self, name): return 1",
     "methods/__init__.py": """
@@ -150,6 +52,21 @@ METHODS = {
     "methods/lazy/__init__.py": "def __getattr__(name): raise AttributeError(name)",
     "methods/lazy/method.py": "class Lazy(A): name = 'lazy'; z = 1",
     "folder.py": "import pkgutil\nfrom toy import methods\ndef names(): return list(methods.__path__)",
+    "sky/__init__.py": "",
+    "sky/galaxy.py": "class Galaxy: n = 1",
+    "spectra.py": """
+        from toy.sky.galaxy import Galaxy
+        SCALE = 2
+        TABLE = {}
+        TABLE["a"] = 1
+        class Case:
+            galaxy: Galaxy
+        def spectrum(x, n=1):
+            '''Doc.'''
+            return SCALE * x
+        def table(): return TABLE
+        def unused(): return 1
+    """,
 }
 READERS = {
     "create": "from toy.methods import create\ncreate('pca')",
@@ -165,9 +82,14 @@ READERS = {
     "Lazy": "from toy.methods import Lazy",
     "Base": "from toy.methods import Base",
     "power": "from toy.methods import power",
+    "spectrum": "from toy.spectra import spectrum",
+    "table": "import toy.spectra as s\ns.table()",
+    "case": "from toy import spectra\ncase = spectra.Case()",
 }
 BY_NAME = {"create", "available", "folder", "listed", "whole", "unknown"}
 BY_REGISTRY = BY_NAME - {"folder", "listed"}
+SPECTRA = {"spectrum", "table", "case"}
+METHODS = set(READERS) - SPECTRA
 
 
 @pytest.mark.parametrize(
@@ -187,16 +109,28 @@ BY_REGISTRY = BY_NAME - {"folder", "listed"}
         ("methods/__init__.py", "create(name)", "create(name, n=1)", {"create", "whole"}),
         ("methods/__init__.py", "__path__)", "__path__, 1)", BY_REGISTRY),
         ("methods/__init__.py", "numpy.fft", "scipy.fft", {"power", "whole"}),
-        ("methods/__init__.py", '"Base", ', "", set(READERS) - {"Base"}),  # there to register
-        ("methods/__init__.py", "__all__", "print()\n__all__", set(READERS)),
+        ("methods/__init__.py", '"Base", ', "", METHODS - {"Base"}),  # there to register
+        ("methods/__init__.py", "__all__", "print()\n__all__", METHODS),
         ("registry.py", "return 1", "return 2", BY_REGISTRY),
+        ("spectra.py", "SCALE * x", "SCALE / x", {"spectrum"}),
+        ("spectra.py", "SCALE = 2", "SCALE = 3", {"spectrum"}),
+        ("spectra.py", "Doc.", "Another.", set()),
+        ("spectra.py", "return SCALE", "# why\n\n    return (SCALE)", set()),
+        ("spectra.py", "SCALE = 2", "SCALE = 2\nprint()", SPECTRA),
+        ("spectra.py", '"a"] = 1', '"a"] = 2', {"table"}),
+        ("spectra.py", "n=1", "n=2", {"spectrum"}),
+        ("spectra.py", "unused(): return 1", "unused(): return 2", set()),
+        ("sky/galaxy.py", "n = 1", "n = 2", {"case"}),
+        ("sky/__init__.py", "", "for x in [1]: print(x)", {"case"}),
+        ("sky/__init__.py", "", "x = 1", set()),
+        ("__init__.py", "", "VERSION = 2", set()),
     ],
 )
-def test_what_a_package_loads_and_offers_by_name(written, file, old, new, changed):
-    """And nothing but the definition of a name that its ``__getattr__`` offers."""
+def test_an_edit_changes_what_depends_on_it_and_nothing_else(written, file, old, new, changed):
+    """Also where a package offers names by its ``__getattr__``, and loads what is in its folder."""
     before, after = (
         {name: tree.source_fingerprint(cell) for name, cell in READERS.items()}
-        for tree in (written(METHODS, file, old, one) for one in (old, new))
+        for tree in (written(FILES, file, old, one) for one in (old, new))
     )
     assert {name for name in READERS if moved(before[name], after[name])} == changed
 

@@ -49,7 +49,7 @@ def test_only_what_ended_here_is_abandoned(tmp_path, ended):
         assert not is_abandoned(tmp_path / name)
 
 
-def test_links_and_folders_of_others_are_left_alone(tmp_path, ended, monkeypatch):
+def test_links_and_folders_of_others_are_not_abandoned(tmp_path, ended, monkeypatch):
     (tmp_path / "thesis").mkdir()
     link = tmp_path / f"himap-{socket.gethostname()}-{ended}-89abcdef"
     link.symlink_to(tmp_path / "thesis")
@@ -70,7 +70,7 @@ def fresh(monkeypatch):
     run_folder.cache_clear()
 
 
-def test_what_a_killed_run_left_goes_at_the_next_start(fresh, monkeypatch, tmp_path, ended):
+def test_files_of_a_killed_run_go_at_the_next_start(fresh, monkeypatch, tmp_path, ended):
     """Its folder, and the semaphores of the processes that worked for it, and of no others."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setattr(files, "_LONGEST", 10**4)
@@ -113,12 +113,6 @@ def test_a_long_name_of_the_temporary_folder_leaves_room_for_sockets(fresh, monk
     finally:
         manager.shutdown_kernel(now=True)
     assert not os.listdir(long)
-
-
-def test_names_that_are_too_long_for_sockets_are_not_used(fresh, monkeypatch, tmp_path):
-    monkeypatch.setattr("himap.app.kernels._LONGEST", 10)
-    manager = LocalKernelManager(kernel_name="python3")
-    assert manager.transport == "tcp"
 
 
 def test_no_temporary_folder(fresh, monkeypatch):

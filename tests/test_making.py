@@ -88,6 +88,6 @@ class _Failing:
         return 1 / 0
 
 
-def test_all_stays_unless_told():
+def test_all_stays_by_default():
     cleaned.make(CALLS[:2])
     assert _held()["observation"] == 1 and _held()["separation"] == 2

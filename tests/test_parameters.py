@@ -75,19 +75,21 @@ def test_values_from_the_command_line(name, text, value):
     ],
 )
 def test_values_of_another_type_are_refused(name, text, expected):
-    with pytest.raises(InputError, match=f"parameter {name} must be {expected}") as caught:
+    with pytest.raises(InputError, match=f"parameter {name}( .*)? must be {expected}"):
         check_parameters(DECLARED, parse_texts(DECLARED, {name: text}))
-    assert "n_sources: int = 3  how many" in str(caught.value)
 
 
 def test_unknown_names_are_refused_with_the_nearest():
-    with pytest.raises(InputError, match="unknown parameter n_sorces .did you mean n_sources") as caught:
-        check_parameters(DECLARED, {"n_sorces": 3})
-    assert describe_parameters(DECLARED) in str(caught.value)
-    with pytest.raises(InputError, match="did you mean nside"):
-        check_parameters(DECLARED, {"nsid": 3})
-    with pytest.raises(InputError, match="unknown parameters zzz, qqq; the"):
-        check_parameters(DECLARED, {"zzz": 3, "qqq": 1})
+    for given, message in (
+        (
+            {"n_sorces": 3},
+            r"unknown parameter n_sorces \(did you mean n_sources\?\); there are .* share, .*seed",
+        ),
+        ({"nsid": 3}, "did you mean nside"),
+        ({"zzz": 3, "qqq": 1}, "unknown parameters zzz, qqq; there are preset, n_sources"),
+    ):
+        with pytest.raises(InputError, match=message):
+            check_parameters(DECLARED, given)
 
 
 def test_survey_fields_are_parameters_where_the_cell_has_a_survey():

@@ -24,7 +24,7 @@ from test_style import lint_imports
 
 from himap import __version__
 from himap.app.cli.main import main
-from himap.app.figures import figures
+from himap.app.notebook_files import figures
 from himap.app.notebooks import find
 from himap.app.parameters import check_parameters, parse_texts
 from himap.core.survey import PRESETS

@@ -208,7 +208,7 @@ def test_the_kernel_is_of_this_python_and_says_what_it_ran_with(folder, tmp_path
     [
         ("bad", InputError, "^templates need a folder.$"),
         ("bug", reproduce.NotebookError, r"01_toy stopped in cell \[3\] with ZeroDivisionError: division"),
-        ("killed", reproduce.NotebookError, r"kernel of 01_toy died of signal 9 \(SIGKILL\)\.$"),
+        ("killed", reproduce.NotebookError, "kernel of 01_toy died, .* try a smaller preset"),
     ],
 )
 def test_a_run_that_fails_leaves_nothing(folder, mode, error, message):
@@ -243,21 +243,23 @@ def test_refreshing_executes_once_and_writes_the_same_file_again(folder, tmp_pat
 
 
 @pytest.mark.parametrize(
-    "old, new, why",
+    "file, old, new, why",
     [
-        ("1 / 0", "1 / 0  # on purpose", "its text changed"),
-        ("Some text", "Other text", "its text changed"),
-        ("2.1", "2.2", "its text changed"),
-        ("comments only", "comments", "its text changed"),
-        ("# %%\n# A cell of comments only.\n", "", "its text changed"),
-        ("# %%\nprint(made", '# %% tags=["hide-input"]\nprint(made', "its text changed"),
-        ("scale: float = 1.0", "scale: float = 2.0", "its code, or code that it uses, changed"),
+        ("py", "1 / 0", "1 / 0  # on purpose", "its text changed"),
+        ("py", "Some text", "Other text", "its text changed"),
+        ("py", "2.1", "2.2", "its text changed"),
+        ("py", "comments only", "comments", "its text changed"),
+        ("py", "# %%\n# A cell of comments only.\n", "", "its text changed"),
+        ("py", "# %%\nprint(made", '# %% tags=["hide-input"]\nprint(made', "its text changed"),
+        ("py", "scale: float = 1.0", "scale: float = 2.0", "the code behind it changed"),
+        ("ipynb", '"execution_count": 2', '"execution_count": null', "it was never executed"),
+        ("ipynb", '"cells": [', '"cells": ', "there is no executed notebook"),
     ],
 )
-def test_an_edit_of_the_source(folder, old, new, why):
+def test_an_edit_of_one_of_the_pair(folder, file, old, new, why):
     pretend_executed(folder)
     assert reproduce.stale(folder) == {}
-    edit(folder / "01_toy.py", old, new)
+    edit(folder / f"01_toy.{file}", old, new)
     assert reproduce.stale(folder) == {"01_toy": why}
 
 
@@ -280,7 +282,7 @@ def test_text_is_copied_without_executing(folder):
     assert "Other text" in (folder / "01_toy.ipynb").read_text() and reproduce.stale(folder) == {}
 
 
-CODE = "its code, or code that it uses, changed"
+CODE = "the code behind it changed"
 LOOKS = "only its looks changed"
 
 
@@ -319,14 +321,6 @@ def test_a_file_that_a_notebook_reads_changes(folder):
     first.write_text("1")
     (first.parent / "another.json").write_text("1")  # which the chapter would read if it was executed now
     assert reproduce.stale(folder) == {"01_toy": "./a/another.json changed"}
-
-
-def test_an_unexecuted_or_broken_file_is_stale(folder):
-    executed = pretend_executed(folder)
-    edit(executed, '"execution_count": 2', '"execution_count": null')
-    assert reproduce.stale(folder) == {"01_toy": "it was never executed"}
-    executed.write_text(executed.read_text()[:100])
-    assert reproduce.stale(folder) == {"01_toy": "there is no executed notebook"}
 
 
 def test_saving_in_jupyter_keeps_the_header(folder):
@@ -409,7 +403,7 @@ def test_what_somebody_wrote_is_not_lost(folder, no_kernel, harm):
     assert (path.read_bytes() == before) == (harm == "nothing")
 
 
-def test_a_home_that_cannot_be_written_is_not_told_in_a_notebook(folder, monkeypatch):
+def test_a_notebook_does_not_mention_a_home_that_cannot_be_written(folder, monkeypatch):
     """Nor does what a user lets IPython do at each start come into it."""
     edit(folder / "01_toy.py", "print(made", "import matplotlib.pyplot, sys\nprint(made")
     edit(folder / "01_toy.py", "os.getcwd()))", "os.getcwd()), 'mine' in globals())")

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from himap.app import stored
 from himap.app.notebooks import find
-from himap.app.staleness import stale_results, stored_results
-from himap.paper.record import measuring_code
+from himap.app.stored import stale_results, stored_results
 
 RESULTS = Path(__file__).resolve().parents[1] / "book" / "results"
 NOTEBOOK = """\
@@ -19,11 +19,17 @@ NOTEBOOK = """\
 """
 RUN = {"commit": "abc1234", "dirty": False, "seconds": 90.0}
 ABOUT = RUN | {"preset": "paper", "galaxy": "templates"}
+TODAY = {"code": "claims"}
+CHECKED = {"code": TODAY, "commit": "def5678", "dirty": False}
 
 
 @pytest.fixture
-def folders(tmp_path):
-    """Results and notebooks; `folders(code=..., figures={name: code})` writes the results."""
+def folders(tmp_path, monkeypatch):
+    """Results and notebooks; `folders(code=..., figures=names)` writes the results.
+
+    An experiment has a fingerprint with its name.
+    """
+    monkeypatch.setattr(stored, "measuring_code", lambda name, tree: {"code": name})
     (tmp_path / "notebooks").mkdir()
     (tmp_path / "notebooks" / "01_toy.py").write_text(NOTEBOOK)
     (tmp_path / "results" / "paper_a").mkdir(parents=True)
@@ -34,8 +40,8 @@ def folders(tmp_path):
             {"name": name, "parameters": {"preset": "paper"}, "execution": RUN, "code": today} | changed
             for name in figures
         ]
-        about = about or ABOUT | {"code": measuring_code("claims")}
-        readings = ABOUT | {"code": measuring_code("readings")}
+        about = about or ABOUT | {"code": TODAY}
+        readings = ABOUT | {"code": {"code": "readings"}}
         files = {
             "claims_a": {"about": about, "experiment": "claims"},
             "paper_a/figures": {"figures": rows},
@@ -50,30 +56,33 @@ def folders(tmp_path):
 
 
 def test_what_made_a_result(folders):
-    ledger, figures, readings, steps = stored_results(folders()[0])
+    ledger, figures, readings, steps = stored_results(folders(about=ABOUT | {"checked": CHECKED})[0])
     names = [one.name for one in (ledger, figures, readings, steps)]
     assert names == ["claims_a", "paper_a", "readings_a", "steps_a"] and set(readings.codes) == {"readings"}
     assert (ledger.preset, ledger.galaxy, ledger.seconds) == ("paper", "templates", 90)
-    assert ledger.commits == {("abc1234", False)}
+    assert ledger.commits == {("abc1234", False)} and ledger.checked == "def5678"
     assert (figures.preset, figures.galaxy, figures.seconds) == ("paper", "synthetic", 90)  # one execution
     assert set(figures.codes) == {"fig-a", "fig-b"} and not steps.codes
-
-
-OLD, GONE = "made before fingerprints were kept", "no notebook has fig-c any more"
 
 
 @pytest.mark.parametrize(
     ("made", "expected"),
     [
         ({}, {}),
-        ({"about": ABOUT | {"code": "other"}}, {"claims_a": "the code behind claims changed"}),
-        ({"figures": ["fig-a", "fig-c"]}, {"paper_a": GONE}),
-        ({"about": ABOUT, "code": None}, dict.fromkeys(("claims_a", "paper_a", "readings_a"), OLD)),
+        ({"about": ABOUT | {"code": "other"}}, {"claims_a": "claims"}),
+        ({"about": ABOUT | {"code": "other", "checked": CHECKED}}, {}),
+        ({"about": ABOUT | {"code": TODAY, "checked": CHECKED | {"code": "older"}}}, {"claims_a": "claims"}),
+        ({"figures": ["fig-a", "fig-c"]}, {"paper_a": "fig-c"}),
+        (
+            {"about": ABOUT, "code": None},
+            {"claims_a": "claims", "paper_a": "fig-a, fig-b", "readings_a": "readings"},
+        ),
     ],
 )
 def test_results_of_other_code_are_stale(folders, made, expected):
-    """Timings have no state."""
-    assert stale_results(*folders(**made)) == expected
+    """Those of no known code too, and figures that no notebook has any more; timings have no state."""
+    found = stale_results(*folders(**made))
+    assert found == {name: f"the code behind {what} changed" for name, what in expected.items()}
 
 
 def test_figures_are_stale_with_their_notebook(folders):
@@ -82,21 +91,9 @@ def test_figures_are_stale_with_their_notebook(folders):
     assert stale_results(results, notebooks) == {"paper_a": "the code behind fig-a, fig-b changed"}
 
 
-def test_those_in_the_book_can_be_told():
+def test_those_in_the_book():
     names = {path.stem for path in RESULTS.glob("*.json")} | {
         path.parent.name for path in RESULTS.glob("*/figures.json")
     }
     assert {one.name for one in stored_results()} == names - {"accepted", "probes"}
     assert stale_results().keys() <= names
-
-
-def test_a_result_that_was_checked_is_one_of_the_code_that_checked_it(folders):
-    checked = {"code": measuring_code("claims"), "commit": "def5678", "dirty": False}
-    results, notebooks = folders(about=ABOUT | {"code": "other", "checked": checked})
-    assert stale_results(results, notebooks) == {}
-    ledger, *others = stored_results(results)
-    assert ledger.checked == "def5678" and not any(one.checked for one in others)
-    results, notebooks = folders(
-        about=ABOUT | {"code": measuring_code("claims"), "checked": checked | {"code": "older"}}
-    )
-    assert stale_results(results, notebooks) == {"claims_a": "the code behind claims changed"}

@@ -1,13 +1,10 @@
 """Cached products: computed once, and kept under the right key."""
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
-import joblib
 import numpy as np
 import pytest
-from joblib.externals.loky import get_reusable_executor
 
 from himap.core.errors import InputError
 from himap.core.survey import PRESETS
@@ -51,18 +48,6 @@ def test_arguments_that_have_no_text_are_refused(lab):
         lab.base(SURVEY, sclae=2)
 
 
-def test_products_nest_also_in_workers(lab):
-    get_reusable_executor().shutdown()  # workers of other tests do not know the folder of the lab
-    with joblib.Parallel(n_jobs=2) as parallel:
-        results = parallel(joblib.delayed(lab.pair)(SURVEY, scale=scale) for scale in (1.0, 3.0))
-    assert sorted(lab.computed()) == ["base", "base", "pair", "pair"]
-    np.testing.assert_array_equal(results[1].first, 6 * np.arange(100) + 1)
-    assert results[1].label == "sum"
-    again = lab.pair(SURVEY, scale=3.0)
-    assert isinstance(again.first, np.memmap)
-    assert len(lab.computed()) == 4
-
-
 def test_all_kinds_of_values_come_back(lab):
     value = lab.odd()
     assert lab.odd.is_cached()
@@ -85,11 +70,6 @@ def test_what_is_no_array_and_no_json_is_refused(lab, what, got):
     assert not cache.cache_info()
 
 
-def test_an_error_of_the_function_is_its_own(lab):
-    with pytest.raises(KeyError, match="mine"):
-        lab.failing()
-
-
 def test_code_edited_under_a_running_process_is_not_cached(lab):
     path = Path(lab.__file__)
     source = path.read_text()
@@ -105,18 +85,6 @@ def test_code_edited_under_a_running_process_is_not_cached(lab):
         lab.start("from himap.core.survey import PRESETS\nassert lab.base(PRESETS['ci'])[1] == 3").wait() == 0
     )
     assert len(cache.cache_info()) == 2
-
-
-def test_to_look_whether_something_is_cached_is_quick():
-    """No source is read again: less than a millisecond where a machine is not busy."""
-    from himap.paper import pipeline
-
-    case, times = pipeline.Case(survey=SURVEY), []
-    for _ in range(30):
-        started = time.perf_counter()
-        pipeline.observation.is_cached(case)
-        times.append(time.perf_counter() - started)
-    assert min(times) < 2e-3
 
 
 def test_the_code_of_a_dataclass_that_is_passed_counts(lab):

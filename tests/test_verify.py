@@ -148,7 +148,7 @@ SMOOTH = (
 )
 
 
-def test_a_field_that_is_added_and_off_leaves_what_is_there(lab):
+def test_a_field_that_is_added_and_off_changes_nothing(lab):
     before = lab(SKY)
     after = lab(SKY, ("\n\n@dataclass(frozen=True)\nclass Ground:", SMOOTH))
     said_by(before)

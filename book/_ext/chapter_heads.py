@@ -16,8 +16,7 @@ from sphinx.util.docutils import SphinxRole
 
 from himap.app.notebook_files import STAMP, read_notebook
 from himap.app.notebooks import declared_parameters
-from himap.app.staleness import stale_results, stored_results
-from himap.app.stored import read_ledger, stored_figures
+from himap.app.stored import read_ledger, stale_results, stored_figures, stored_results
 from himap.core.memory import estimate
 from himap.core.survey import Survey
 from himap.paper.claims import CLAIMS

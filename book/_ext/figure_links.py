@@ -21,8 +21,7 @@ from PIL import Image
 from sphinx import addnodes
 from sphinx.util.docutils import SphinxDirective
 
-from himap.app.figures import figure_order, figures, plain_caption
-from himap.app.notebook_files import STAMP, read_notebook
+from himap.app.notebook_files import STAMP, figure_order, figures, plain_caption, read_notebook
 from himap.app.notebooks import notebooks
 from himap.app.stored import stored_figures
 

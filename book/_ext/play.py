@@ -15,8 +15,7 @@ import play_data
 import play_looks
 from docutils import nodes
 
-from himap.app.figures import figures
-from himap.app.notebook_files import STAMP, read_notebook
+from himap.app.notebook_files import STAMP, figures, read_notebook
 from himap.app.stored import stored_figures
 from himap.figures import styles
 from himap.paper.experiments import find_experiment

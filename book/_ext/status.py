@@ -11,7 +11,7 @@ from sphinx.util.docutils import SphinxDirective
 from himap.app.notebook_files import STAMP, read_notebook
 from himap.app.notebooks import notebooks
 from himap.app.reproduce import stale
-from himap.app.staleness import stale_results, stored_results
+from himap.app.stored import stale_results, stored_results
 from himap.figures.tables import Table
 from himap.store.provenance import duration, environment
 

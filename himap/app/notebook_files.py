@@ -1,20 +1,28 @@
-"""Notebook files: how an executed notebook is cleaned, stamped, read and written.
+"""Notebook files: how an executed notebook is cleaned, stamped, read and written, and its figures.
 
 An executed notebook is cleaned of paths, times and versions, so that executing it again changes the
 file only where the content changes, its stamp aside, and its pictures are packed. Its stamp holds the
 fingerprint of its code, the parameters that were passed, a digest of its text, which shows whether it was
 edited since, and when it was last executed: the commit, the time it took, the versions.
+
+The caption of a figure says which one of the paper it shows, ``(the paper's Fig. A.1)``, or names those that
+it has a share in.
 """
 
 import base64
+import csv
 import hashlib
 import io
 import json
 import re
 import tempfile
+from ast import literal_eval
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from himap.core.errors import InputError
 from himap.core.files import atomic_files, check_free
+from himap.figures.numbers import QUOTED
 
 STAMP = "himap_run"
 """Key of the stamp in the metadata; not ``himap``, the header's, which jupytext copies to the .py."""
@@ -25,6 +33,7 @@ KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 _JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
 """For those who edit in Jupyter: saving writes the .py too, and keeps its header."""
 
+_REMARK = r"the paper's Fig\. ([\w.]*\w)"
 _HEAVY = 1e5  # bytes of a picture
 _LARGEST_DATA = 2_000_000  # characters of the numbers of one figure; beyond it is a cloud of points
 _LONGEST_NAME = 120  # a file name may have 255 bytes
@@ -161,3 +170,82 @@ def check_output(path, suffix=".ipynb", *, overwrite=False):
         raise InputError(f"the output {path} cannot be written ({error.strerror}).") from None
     check_free([path], overwrite=overwrite)
     return path
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure of a notebook.
+
+    Attributes
+    ----------
+    name, caption
+        Its label and its caption, quoted numbers filled in.
+    notebook
+        Name of the notebook.
+    png
+        The picture.
+    data
+        {ending of the file: its content} of the numbers behind it.
+    """
+
+    name: str
+    caption: str
+    notebook: str
+    png: bytes
+    data: dict[str, bytes] = field(default_factory=dict)
+
+    @property
+    def paper(self):
+        """The number of the paper's figure that it is, such as "1" or "A.2"; empty if it is none."""
+        number = re.search(rf"\({_REMARK}", self.caption)
+        return number[1] if number else ""
+
+    @property
+    def curves(self):
+        """{panel: {curve: [(x, y)]}} of its CSV; empty where it has none."""
+        panels = {}
+        for row in csv.DictReader(io.StringIO(self.data.get("csv", b"").decode())):
+            points = panels.setdefault(row["panel"], {}).setdefault(row["curve"], [])
+            points.append((float(row["x"]), float(row["y"])))
+        return panels
+
+
+def named_figures(caption):
+    """The numbers of all figures of the paper that a caption names, those that it has a share in too."""
+    return re.findall(_REMARK, caption)
+
+
+def plain_caption(caption):
+    """The first sentence of a caption, without the remark which figure of the paper it is."""
+    return re.sub(rf" \({_REMARK}[^)]*\)", "", caption).partition(". ")[0].rstrip(".")
+
+
+def figure_order(number):
+    """Key that sorts numbers of the paper's figures: 1 to 7, then those of the appendices."""
+    appendix, _, count = number.rpartition(".")
+    return appendix, int(count)
+
+
+def figures(path):
+    """The figures of the executed notebook at `path`, a list of `Figure` in order."""
+    from himap.figures.data import DATA_TYPES  # slow, and who runs a notebook needs none of it
+
+    cells = read_notebook(path).cells
+    outputs = [output for cell in cells for output in cell.get("outputs", [])]
+    named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
+    quoted = {name: literal_eval(output["data"][QUOTED[0]]) for name, output in named.items() if name}
+    drawn = []
+    for cell in cells:
+        about = figure_options(cell)
+        bundles = [output.get("data", {}) for output in cell.get("outputs", [])]
+        shown = [data for data in bundles if "image/png" in data]
+        if about and shown:
+            caption = re.sub(r"\{glue:text\}`(\w+)`", lambda role: quoted[role[1]], about["caption"])
+            data = {
+                ending: shown[0][kind].encode() if ending == "csv" else base64.b64decode(shown[0][kind])
+                for kind, ending in DATA_TYPES.items()
+                if kind in shown[0]
+            }
+            png = base64.b64decode(shown[0]["image/png"])
+            drawn.append(Figure(about["name"], caption, Path(path).stem, png, data))
+    return drawn

@@ -6,14 +6,12 @@ which people open.
 
 import hashlib
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 
-from himap.app.figures import named_figures
-from himap.app.notebook_files import code_cells, figure_options, number_cells
+from himap.app.notebook_files import code_cells, figure_options, named_figures, number_cells
 from himap.app.parameters import read_parameters
-from himap.core.errors import InputError
+from himap.core.errors import InputError, nearest
 from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -84,11 +82,11 @@ class Notebook:
     @property
     def paper_figures(self):
         """{figure of the paper: name of the figure in the book}, from captions that say *the paper's Fig.*"""
-        found = {}
+        names = {}
         for name, caption in self.captions.items():
             for number in named_figures(caption):
-                found.setdefault(number, name)
-        return found
+                names.setdefault(number, name)
+        return names
 
     def fingerprint(self, tree=None):
         """{"code", "look", what it reaches in himap, file that it `reads`: digest}.
@@ -121,7 +119,7 @@ def notebooks_folder():
         if any(folder.glob("*.py")):
             return folder
     raise InputError(
-        "there is no folder `notebooks` beside the package nor in the current folder; run this from a "
+        "there is no folder `notebooks` next to the package nor in the current folder; run this from a "
         "checkout of himap."
     )
 
@@ -144,6 +142,5 @@ def find(name, folder=None):
     matches = [known[key] for key in known if stem in (key, key.partition("_")[0])]
     if len(matches) == 1:
         return matches[0]
-    close = get_close_matches(stem, known, n=1)
-    hint = f" (did you mean {close[0]}?)" if close else ""
-    raise InputError(f"there is no notebook {name!r}{hint}; there are {', '.join(known) or 'none'}.")
+    names = f"{name!r}{nearest(stem, known)}; there are {', '.join(known) or 'none'}"
+    raise InputError(f"there is no notebook {names}.")

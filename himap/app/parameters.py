@@ -6,13 +6,10 @@ that differ from the preset.
 """
 
 import ast
-import io
 import json
-import tokenize
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 
-from himap.core.errors import InputError
+from himap.core.errors import InputError, nearest
 from himap.core.survey import Survey
 
 _KINDS = {
@@ -65,15 +62,8 @@ class Parameter:
         if kind == "float" and "int" in self.kinds and value.is_integer():
             return int(value)
         expected = " or ".join(words for kind, words in _KINDS.items() if kind in self.kinds)
-        raise InputError(f"parameter {self.name} must be {expected}, got {value!r}")
-
-
-class _Listing(InputError):
-    """An error with the parameters that there are below its paragraph, one a line."""
-
-    def __init__(self, message, declared):
-        super().__init__(f"{message}; the parameters are:")
-        self.args = (f"{self}\n{describe_parameters(declared)}",)
+        about = f" ({self.help})" if self.help else ""
+        raise InputError(f"parameter {self.name}{about} must be {expected}, got {value!r}.")
 
 
 def read_parameters(source):
@@ -84,16 +74,12 @@ def read_parameters(source):
     InputError
         A line of another form, or of a type that cannot be passed.
     """
-    comments = {
-        token.start[0]: token.string.lstrip("# ")
-        for token in tokenize.generate_tokens(io.StringIO(source).readline)
-        if token.type == tokenize.COMMENT
-    }
-    declared = []
+    declared, lines = [], source.encode().splitlines()
     for node in ast.parse(source).body:
+        comment = lines[node.end_lineno - 1][node.end_col_offset :].decode().lstrip("# ")
         try:
             default, kind = ast.literal_eval(node.value), ast.unparse(node.annotation)
-            declared.append(Parameter(node.target.id, kind, default, comments.get(node.end_lineno, "")))
+            declared.append(Parameter(node.target.id, kind, default, comment))
             valid = declared[-1].kinds <= _KINDS.keys()
         except (AttributeError, ValueError, TypeError):
             valid = False
@@ -106,7 +92,7 @@ def read_parameters(source):
 
 
 def all_parameters(declared):
-    """{name: `Parameter`} of what is declared and, if ``survey`` is, of the fields of `Survey` beside it."""
+    """{name: `Parameter`} of what is declared and, if ``survey`` is, of the other fields of `Survey`."""
     known = {parameter.name: parameter for parameter in declared}
     for item in fields(Survey) if "survey" in known else ():
         field = Parameter(item.name, item.type.__name__, _OF_PRESET, item.metadata["help"])
@@ -154,8 +140,8 @@ def check_parameters(declared, given, preset=None):
     Raises
     ------
     InputError
-        An unknown name or a value of the wrong type (the message lists what there is), or a preset
-        or Survey field that `Survey` refuses.
+        An unknown name (the message lists what there is), a value of the wrong type, or a preset or Survey
+        field that `Survey` refuses.
     """
     known = all_parameters(declared)
     given = dict(given) if preset is None else {"preset": preset, **given}
@@ -163,13 +149,10 @@ def check_parameters(declared, given, preset=None):
         raise InputError(f"the preset is given twice, as {preset!r} and as {given['preset']!r}; give one.")
     unknown = [name for name in given if name not in known]
     if unknown:
-        close = [match for name in unknown for match in get_close_matches(name, known, n=1)]
-        hint = f" (did you mean {', '.join(close)}?)" if close else ""
-        raise _Listing(f"unknown parameter{'s' * (len(unknown) > 1)} {', '.join(unknown)}{hint}", declared)
-    try:
-        values = {name: known[name].convert(value) for name, value in given.items()}
-    except InputError as error:
-        raise _Listing(error, declared) from None
+        names = ", ".join(f"{name}{nearest(name, known)}" for name in unknown)
+        many = "s" * (len(unknown) > 1)
+        raise InputError(f"unknown parameter{many} {names}; there are {', '.join(known)}.")
+    values = {name: known[name].convert(value) for name, value in given.items()}
     survey = {name: values.pop(name) for name in given if known[name].default is _OF_PRESET}
     if not all(isinstance(name, str) for name in values.get("survey", {})):
         raise InputError(f"survey must be a dict of fields by name, got {values['survey']!r}.")

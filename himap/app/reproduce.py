@@ -32,7 +32,6 @@ from himap.app.notebooks import find, notebooks
 from himap.app.parameters import check_parameters
 from himap.core.errors import InputError
 from himap.core.files import run_folder
-from himap.core.memory import cause_of_death, memory_kills
 from himap.core.progress import TERMINAL_VARIABLE
 from himap.store.fingerprint import CodeTree, moved
 
@@ -124,7 +123,7 @@ def refresh(names=None, folder=None, *, report=None):
     Parameters
     ----------
     names
-        Which, as in `find`; default all. Fresh ones are left alone.
+        Which, as in `find`; default all. Fresh ones stay as they are.
     report
         Called as ``report(name, why)`` before each.
 
@@ -182,10 +181,8 @@ def _state(notebook, tree):
     if changed == ["look"]:
         return _LOOKS_CHANGED
     if changed:
-        others = ", ".join(name for name in changed if name not in ("code", "look"))
-        if "code" not in changed:
-            return f"{others} changed"
-        return "its code, or code that it uses, changed" + (f", and {others}" if others else "")
+        names = ("the code behind it" if name == "code" else name for name in changed if name != "look")
+        return f"{', '.join(names)} changed"
     return "" if text == source == stamp.get("text") else _TEXT_CHANGED
 
 
@@ -196,20 +193,19 @@ def _execute(notebook, parameters, folder):
 
     from himap.app.kernels import AsyncLocalKernelManager
 
-    AsyncLocalKernelManager.exit_code = None
     fingerprint = notebook.fingerprint()  # of the code that runs, whatever is edited meanwhile
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
     node.cells.append(nbformat.v4.new_code_cell(_ABOUT_ITSELF))
-    started, watched, kills = time.monotonic(), _terminal(), memory_kills()
+    started, variables = time.monotonic(), _kernel_variables()
     try:
-        with patch.dict(os.environ, _kernel_variables(watched)):
+        with patch.dict(os.environ, variables):
             done = papermill.execute_notebook(
                 node,
                 None,
                 parameters,
                 cwd=folder,
-                progress_bar={"desc": notebook.name, "leave": False} if watched else False,
+                progress_bar=TERMINAL_VARIABLE in variables and {"desc": notebook.name, "leave": False},
                 extra_arguments=_KERNEL_OPTIONS,
                 kernel_manager_class=AsyncLocalKernelManager,
             )
@@ -221,25 +217,17 @@ def _execute(notebook, parameters, folder):
             f"{notebook.name} stopped in cell [{number}] with {error.ename}: {error.evalue}"
         ) from error
     except RuntimeError as error:
-        if AsyncLocalKernelManager.exit_code is None:
+        if "ernel died" not in str(error):
             raise
-        cause = cause_of_death([AsyncLocalKernelManager.exit_code], kills)
-        way_out = " Try a smaller preset." if "memory" in cause else ""
-        raise NotebookError(f"the kernel of {notebook.name} died of {cause}.{way_out}") from error
+        why = "as happens where memory runs out: try a smaller preset"
+        raise NotebookError(f"the kernel of {notebook.name} died, {why}.") from error
     said = json.loads("".join(output.text for output in done.cells.pop().outputs))
     execution = said | {"seconds": round(time.monotonic() - started, 1)}
     return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters, execution=execution)
 
 
-def _terminal():
-    """Path of the terminal that a person watches, or None."""
-    with contextlib.suppress(OSError, AttributeError):
-        return os.ttyname(sys.stderr.fileno())
-    return None
-
-
-def _kernel_variables(terminal):
-    """Environment of a kernel: this himap, the terminal for its bars, and no chatter.
+def _kernel_variables():
+    """Environment of a kernel: this himap, the terminal that a person watches, for bars, and no chatter.
 
     Neither modules in the current folder nor what a user lets IPython do at each start come into it.
     """
@@ -256,4 +244,6 @@ def _kernel_variables(terminal):
     home = Path.home()
     if not (home.is_dir() and os.access(home, os.W_OK)):  # matplotlib would say so in the notebook
         variables["MPLCONFIGDIR"] = os.environ.get("MPLCONFIGDIR", str(run_folder() / "matplotlib"))
-    return variables | ({TERMINAL_VARIABLE: terminal} if terminal else {})
+    with contextlib.suppress(OSError, AttributeError):
+        variables[TERMINAL_VARIABLE] = os.ttyname(sys.stderr.fileno())
+    return variables

@@ -1,23 +1,28 @@
-"""Results that take hours and are stored with the book: readers, and what follows from them.
+"""Results that take hours and are stored with the book: readers, what follows from them, and which are stale.
 
 There are ledgers, under what else a claim of one holds, the times of the steps at two sizes and how they
-grow, and folders of figures.
+grow, and folders of figures. Records and figures carry the fingerprint of the code that made them, without
+parameters, which are stored with it; what only looks does not count, and accepted code is as good
+(`himap.store.verify`). Timings carry none: they are those of one machine and one day. A stale result is
+reported, not made again.
 """
 
 import json
 import math
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from himap.app.notebooks import notebooks
 from himap.core.errors import InputError
 from himap.core.memory import estimate
 from himap.core.survey import PRESETS
 from himap.figures import styles
 from himap.paper.claims.entries import entries
-from himap.paper.experiments import find_experiment
+from himap.paper.experiments import EXPERIMENTS, find_experiment
 from himap.paper.readings import outcomes
-from himap.paper.record import Record
+from himap.paper.record import Record, measuring_code
+from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree, moved
 from himap.store.provenance import Provenance
 
 RESULTS = Path(__file__).resolve().parents[2] / "book" / "results"
@@ -95,42 +100,37 @@ def other_records(about, folder=RESULTS):
     folder
         Of the records.
     """
-    made, found = Provenance.of_stored(about), {}
+    made, others = Provenance.of_stored(about), {}
     for path in sorted(Path(folder).glob("*.json")):
         kind = path.stem.partition("_")[0]
         if kind in ("claims", "readings", "restarts"):
             with suppress(InputError):  # of claims as they were judged before
                 for words, by_id in _judgements(Record.load(find_experiment(kind), path), made):
-                    found.setdefault(words, {}).update(by_id)
-    return found
+                    others.setdefault(words, {}).update(by_id)
+    return others
 
 
 def _judgements(record, made):
     """(what differs from `made`, {claim: `Entry`}) of each reading in a record, without what is the same."""
-    words, changed = _difference(made, record.made), dict(record.made.overrides)
-    own = dict(made.overrides).get("reading", "default")
+    usual, words, changed = record_words(made), record_words(record.made), dict(record.made.overrides)
+    replaced = f"{words['method']} in its place" if words["method"] else ""
+    differing = [words[name] for name in ("size", "galaxy", "box") if words[name] != usual[name]]
+    words = ", ".join(filter(None, [replaced, *differing]))
+    reading = dict(made.overrides).get("reading", "default")
     if record.experiment.name == "claims":
-        label = own if "method" in changed else changed.get("reading", "default")
+        label = reading if "method" in changed else changed.get("reading", "default")
         several = {label: {entry.claim.id: entry for entry in entries(record.rows)}}
     else:
         several = {label: one.entries for label, one in outcomes(record.rows).items()}
-    judging = [several[own]] if own in several else list(several.values()) if len(several) > 1 else []
+    judging = [several[reading]] if reading in several else list(several.values()) if len(several) > 1 else []
     holding = [{id for id, entry in by_id.items() if entry.holds} for by_id in judging]
     shared = set.intersection(*holding) if holding else set()  # which are not due to a reading
     for label, by_id in several.items():
         other = {id: entry for id, entry in by_id.items() if id not in shared}
-        if label != own:
+        if label != reading:
             yield ", ".join(filter(None, (f"reading {label}", words))), other
     if words and judging:
-        yield words, several.get(own) or {id: judging[0][id] for id in shared}
-
-
-def _difference(made, other):
-    """What of another `Provenance` differs, in words: method, size, Galaxy or HI box; may be empty."""
-    own, words = record_words(made), record_words(other)
-    replaced = f"{words['method']} in its place" if words["method"] else ""
-    differing = [words[name] for name in ("size", "galaxy", "box") if words[name] != own[name]]
-    return ", ".join(filter(None, [replaced, *differing]))
+        yield words, several.get(reading) or {id: judging[0][id] for id in shared}
 
 
 def record_words(made):
@@ -235,3 +235,91 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
             }
         )
     return rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredResult:
+    """One file of results.
+
+    Attributes
+    ----------
+    path, name
+        Of the JSON; the name of the file, or of the folder of figures.
+    preset, galaxy
+        What it was made with.
+    commits
+        {(short commit, whether there were edits)} that it was made at.
+    seconds
+        What it took.
+    codes
+        {what is in it: fingerprint of the code that made it}, None where that was not kept: of a record the
+        name of its experiment, of a folder of figures their names, of timings nothing.
+    checked
+        Short commit at which one sky was measured again, with the same numbers; empty if it never was. The
+        fingerprint is of that code then.
+    """
+
+    path: Path
+    name: str
+    preset: str
+    galaxy: str
+    commits: set[tuple[str, bool]]
+    seconds: float
+    codes: dict[str, dict | None]
+    checked: str = ""
+
+
+def read_result(path):
+    """The `StoredResult` at `path`."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if "figures" in content:
+        name, rows, checked = path.parent.name, content["figures"], {}
+        made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
+        codes = {row["name"]: row.get("code") for row in rows}
+        # Figures of a notebook share one execution.
+        runs = {json.dumps(row["execution"]): row["execution"] for row in rows}.values()
+    else:
+        name, made = path.stem, content["about"]
+        checked, runs = made.get("checked", {}), [made]
+        code = checked.get("code", made.get("code"))
+        codes = {content["experiment"]: code} if "experiment" in content else {}
+    return StoredResult(
+        path=path,
+        name=name,
+        preset=made["preset"],
+        galaxy=made["galaxy"],
+        commits={(run["commit"], run["dirty"]) for run in runs},
+        seconds=sum(run["seconds"] for run in runs),
+        codes=codes,
+        checked=checked.get("commit", ""),
+    )
+
+
+def stored_results(folder=None):
+    """All stored results by name, a list of `StoredResult`; `folder` defaults to ``book/results``."""
+    folder = folder or RESULTS
+    files = [*folder.glob("*.json"), *folder.glob("*/figures.json")]
+    files = [path for path in files if path.name not in (ACCEPTED.name, PROBES.name)]
+    return sorted(map(read_result, files), key=lambda result: result.name)
+
+
+def stale_results(folder=None, notebooks_folder=None):
+    """The stored results that today's code may not give: {name: why}.
+
+    Parameters
+    ----------
+    folder, notebooks_folder
+        Where the results and the notebooks are, if not in this checkout.
+    """
+    tree, states = CodeTree(), {}
+    today = {name: measuring_code(name, tree) for name in EXPERIMENTS}
+    for notebook in notebooks(notebooks_folder):
+        today |= dict.fromkeys(notebook.captions, notebook.fingerprint(tree))
+    for result in stored_results(folder):
+        changes = {name: moved(code, today.get(name, "")) for name, code in result.codes.items()}
+        changed = [name for name, parts in changes.items() if parts]
+        others = dict.fromkeys(part for parts in changes.values() for part in parts if part != "code")
+        if changed:
+            which = f": {', '.join(others)}" if others else ""
+            states[result.name] = f"the code behind {', '.join(changed)} changed{which}"
+    return states

@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 
-from himap.app.figures import figure_order, plain_caption
+from himap.app.notebook_files import figure_order, plain_caption
 from himap.app.notebooks import notebooks, notebooks_folder
 from himap.app.stored import RESULTS, record_words, stored_figure, stored_figures
 from himap.figures import styles
@@ -125,12 +125,12 @@ def ledgers_table(ledgers, only=None, others=None):
         names.append(f"{name}, {members_text(entries[0])}")
     rows, by_id = [], [{entry.claim.id: entry for entry in entries} for entries, _ in ledgers]
     for id, claim in CLAIMS.items():
-        found = [ledger.get(id) for ledger in by_id]  # an older ledger may lack a claim
-        judged = [entry for entry in found if entry]
+        several = [ledger.get(id) for ledger in by_id]  # an older ledger may lack a claim
+        judged = [entry for entry in several if entry]
         if judged and (only is None or only(judged)):
             first = [f"**{id}**", f"{claim.number} ({claim.beam})", claim.paper]
             why = [] if others is None else [cause(judged[0], others)]
-            rows.append([*first, *(_cell(entry) if entry else "not judged" for entry in found), *why])
+            rows.append([*first, *(_cell(entry) if entry else "not judged" for entry in several), *why])
     if only is None:
         counts = [
             [f"{BADGES[verdict][0]} {n}" for verdict, n in summary(entries).items() if n]

@@ -1,6 +1,8 @@
-"""The one exception that bad input raises."""
+"""The one exception that bad input raises, and words for its message."""
 
-_LONGEST = 4000  # characters of a message, in which parameters of a notebook may be listed
+from difflib import get_close_matches
+
+_LONGEST = 4000  # characters of a message
 
 
 class InputError(ValueError):
@@ -21,6 +23,12 @@ def plain_text(text):
         character if character.isprintable() else character.encode("unicode_escape").decode()
         for character in text
     )
+
+
+def nearest(name, known):
+    """Which of some `known` names is probably meant by `name`, for a message; empty where none is close."""
+    close = get_close_matches(name, known, n=1)
+    return f" (did you mean {close[0]}?)" if close else ""
 
 
 def shortened(text):

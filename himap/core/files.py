@@ -63,15 +63,12 @@ def check_private(folder):
         return
     except OSError as error:
         raise InputError(f"the folder {folder} cannot be checked ({error.strerror}). {_ELSEWHERE}") from None
-    if hasattr(os, "geteuid") and status.st_uid != os.geteuid():
+    is_open = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    if hasattr(os, "geteuid") and (is_open or status.st_uid != os.geteuid()):
         raise InputError(
-            f"the folder {folder} belongs to another user (number {status.st_uid}), who could put anything "
-            f"there. {_ELSEWHERE}"
-        )
-    if hasattr(os, "geteuid") and status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-        raise InputError(
-            f"other users can write to the folder {folder}, and so put anything there: take that from them "
-            f"with `chmod go-w {folder}`. {_ELSEWHERE}"
+            f"other users can write to the folder {folder}, which belongs to the user with number "
+            f"{status.st_uid}, and so put anything there: if it is yours, `chmod go-w {folder}` ends that. "
+            f"{_ELSEWHERE}"
         )
 
 
@@ -190,7 +187,7 @@ def atomic_files(*paths):
 
 
 def _move(files):
-    """Rename files to where their folder lies."""
+    """Rename files to the folder that theirs is in."""
     for file in files:
         os.replace(file, file.parents[1] / file.name)
 

@@ -16,11 +16,9 @@ from himap.core.memory import check_room
 
 _LARGEST_TEXT = 1e8  # bytes of a table of numbers in text
 _ROOM = 10  # bytes in memory for each of such a text
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-_USER_BLOCKS = (0, *(512 * 2**n for n in range(12)))  # bytes that may lie before what is HDF5
 _NUMBER = re.compile(r"[-+]?[0-9]+(,[0-9]+)?")  # whole, or with what may be a decimal comma
 _FORMATS = {  # (first bytes, endings of names)
-    "HDF5": (_HDF5, (".h5", ".hdf5", ".hdf", ".hd5")),
+    "HDF5": (b"\x89HDF\r\n\x1a\n", (".h5", ".hdf5", ".hdf", ".hd5")),
     "FITS": (b"SIMPLE  =", (".fits", ".fit", ".fits.gz", ".fits.fz")),
     "npy": (b"\x93NUMPY", (".npy",)),
 }
@@ -75,6 +73,8 @@ def regular_file(path, kind="file"):
 
 def format_of(path):
     """ "HDF5", "FITS" or "npy": by the first bytes of a file, or else by the ending of its name; or None."""
+    import h5py  # slow, and few ask
+
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise ValueError("opening it may wait for ever")
@@ -88,10 +88,8 @@ def format_of(path):
             for name, (magic, _) in _FORMATS.items():
                 if first.startswith(magic):
                     return name
-            for place in _USER_BLOCKS:
-                file.seek(place)
-                if file.read(len(_HDF5)) == _HDF5:
-                    return "HDF5"
+        if h5py.is_hdf5(path):  # with other bytes before
+            return "HDF5"
     except (OSError, EOFError, ValueError, zlib.error):
         pass  # what cannot be read is an error of its reader
     ending = str(path).lower().endswith
@@ -142,23 +140,6 @@ def read_numbers(path):
     return values.astype(float)
 
 
-def _check_commas(path, lines):
-    """Refuse numbers with decimal commas; pairs of whole ones may be one line, or edges that adjoin."""
-    words = [re.split(r"[\s;]+", line.partition("#")[0].strip()) for line in lines]
-    words = [row for row in words if row != [""] and _NUMBER.fullmatch(row[0])]
-    with_comma = [word for row in words for word in row if "," in word]
-    if not with_comma or not all(_NUMBER.fullmatch(word) for row in words for word in row):
-        return
-    first, last = np.array([(row[0].split(",") * 2)[:2] for row in words], dtype=int).T
-    are_pairs = len(with_comma) == len(words) == sum(map(len, words))
-    if are_pairs and ((last[:-1] == first[1:]).all() or (first[:-1] == last[1:]).all()):
-        return
-    raise InputError(
-        f"{path} has numbers with decimal commas, such as {with_comma[0]}: write points, "
-        f"{with_comma[0].replace(',', '.')}, and blanks between columns."
-    )
-
-
 def _table(path):
     size = path.stat().st_size
     if size > _LARGEST_TEXT:
@@ -168,7 +149,17 @@ def _table(path):
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (UnicodeDecodeError, OSError):
         raise InputError(f"{path} is no text in UTF-8; save it as such, or as .npy.") from None
-    _check_commas(path, lines)
+    words = [re.split(r"[\s;]+", line.partition("#")[0].strip()) for line in lines]
+    words = [row for row in words if row != [""] and _NUMBER.fullmatch(row[0])]
+    with_comma = [word for row in words for word in row if "," in word]
+    if with_comma and all(_NUMBER.fullmatch(word) for row in words for word in row):
+        first, last = np.array([(row[0].split(",") * 2)[:2] for row in words], dtype=int).T
+        are_pairs = len(with_comma) == len(words) == sum(map(len, words))  # of whole numbers: say, edges
+        if not (are_pairs and ((last[:-1] == first[1:]).all() or (first[:-1] == last[1:]).all())):
+            raise InputError(
+                f"{path} has numbers with decimal commas, such as {with_comma[0]}: write points, "
+                f"{with_comma[0].replace(',', '.')}, and blanks between columns."
+            )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a file without numbers

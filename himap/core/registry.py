@@ -1,13 +1,12 @@
 """Registered classes: a package with one class in each file, under a name."""
 
-import difflib
 import importlib.util
 import pkgutil
 import re
 from dataclasses import MISSING, fields
 from importlib import import_module
 
-from himap.core.errors import InputError
+from himap.core.errors import InputError, nearest
 
 
 def _plain(name):
@@ -59,8 +58,7 @@ class Registry:
             return name
         names = {_plain(each): each for each in self.names()}
         if _plain(name) not in names:
-            near = difflib.get_close_matches(_plain(name), names, n=1)
-            hint = f" (did you mean {names[near[0]]}?)" if near else ""
+            hint = nearest(str(name).lower(), names.values())
             raise InputError(f"unknown {self._kind} {name!r}{hint}; there are {', '.join(names.values())}.")
         return names[_plain(name)]
 
@@ -85,9 +83,8 @@ class Registry:
         kind = self._classes[name]
         known = {item.name: item.metadata["help"] for item in fields(kind)}
         for key in sorted(set(parameters) - set(known)):
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f" (did you mean {near[0]}?)" if near else ""
             listing = "; ".join(f"{item}: {help}" for item, help in known.items()) or "none"
+            hint = nearest(key, known)
             raise InputError(f"{name} has no parameter {key!r}{hint}; its parameters are {listing}.")
         for item in fields(kind):
             words = {each.lower(): each for each in item.metadata["choices"] if isinstance(each, str)}

@@ -28,7 +28,7 @@ from himap.core.files import cache_folder, check_private, is_abandoned, make_pri
 from himap.store.arrays import TREE, read_value, write_value
 
 _NOTE, _UNFINISHED = "note.json", "unfinished"
-_DAMAGES = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
+_UNFINISHED_NAME = rf"{_UNFINISHED}-([0-9a-f]{{32}}|.+-\d+-[0-9a-f]{{8}})"
 _checked = set()  # files that this process wrote, or whose checksum it has compared: (path, time, size)
 
 
@@ -59,26 +59,23 @@ def load(product, key):
     Missing
         There is none, or none any more.
     InputError
-        It may not be read.
+        It may not be read, or the machine is short of something.
     """
     folder = _home() / product / key
     if not (folder / _NOTE).is_file():
         raise Missing(key)
     try:
         note = json.loads((folder / _NOTE).read_text())
-        for name, (n_bytes, checksum) in note["files"].items():
+        for name, checksum in note["files"].items():
             identity = _identity(folder / name)
-            if identity not in _checked and identity[-1] != n_bytes:
-                raise ValueError(f"it has {identity[-1]} of {n_bytes} bytes")
             if identity not in _checked and _checksum(folder / name) != checksum:
-                raise ValueError("its checksum is another than when it was written")
+                raise ValueError(f"{name} has another checksum than when it was written")
             _checked.add(identity)
         return read_value(folder)
     except Exception as error:  # a class that has other fields now raises anything
-        if isinstance(error, PermissionError):
-            raise InputError(f"the cached {product} cannot be read ({error}): whose is it?") from None
-        if isinstance(error, OSError | MemoryError) and not isinstance(error, _DAMAGES):
-            raise  # the machine is short of something: that is no damage
+        is_damage = isinstance(error, FileNotFoundError | IsADirectoryError | NotADirectoryError)
+        if isinstance(error, OSError | MemoryError) and not is_damage:
+            raise InputError(f"the cached {product} cannot be read ({error!r}).") from None
         if folder.exists():  # else another process has deleted it
             _delete(folder)
             text = f"the cached {product} is damaged and is computed again ({error})."
@@ -154,7 +151,7 @@ def save(product, key, value, *, arguments, seconds):
         try:
             make_private(part)
             names = write_value(value, part)
-            files = {name: [(part / name).stat().st_size, _checksum(part / name)] for name in names}
+            files = {name: _checksum(part / name) for name in names}
             note = {"product": product, "arguments": arguments, "seconds": seconds, "files": files}
             (part / _NOTE).write_text(json.dumps(note, indent=1))
             if os.path.lexists(folder) and not holds(product, key):  # the rest of one
@@ -225,7 +222,8 @@ def _identity(file):
 
 
 def _checksum(file):
-    return zlib.crc32(np.memmap(file, mode="r"))
+    """Size and CRC-32 of a file, a list as in a note."""
+    return [file.stat().st_size, zlib.crc32(np.memmap(file, mode="r"))]
 
 
 @dataclass(frozen=True)
@@ -241,52 +239,40 @@ class CacheEntry:
 
 
 def cache_info():
-    """The `CacheEntry` of every result in the cache, newest first; those being written are "unfinished"."""
+    """The `CacheEntry` of every result in the cache, newest first; those being written are "unfinished".
+
+    HIMAP_CACHE may name a folder that holds other things too, and links, which are not listed.
+    """
     entries = []
     for path in _home().glob("*/*"):
-        with contextlib.suppress(OSError):  # another process finishes or deletes it
-            entries += [_entry(path)] if _is_result(path) else []
+        is_unfinished = re.fullmatch(_UNFINISHED_NAME, path.name)
+        if path.is_symlink() or path.parent.is_symlink():
+            continue
+        with contextlib.suppress(OSError):  # another process finishes or deletes it, or it is no folder
+            files = {file.name: file.lstat() for file in path.iterdir()}
+            is_result = re.fullmatch(r"[0-9a-f]{32}", path.name) and files.keys() & {TREE, _NOTE}
+            if not (is_unfinished or is_result):
+                continue
+            arguments, seconds = "", 0.0
+            with contextlib.suppress(FileNotFoundError, ValueError, KeyError, TypeError):  # of any text
+                note = json.loads((path / _NOTE).read_text())
+                arguments, seconds = str(note["arguments"]), float(note["seconds"])
+            times = [status.st_mtime for status in files.values()] or [path.stat().st_mtime]
+            entries.append(
+                CacheEntry(
+                    product=_UNFINISHED if is_unfinished else path.parent.name,
+                    arguments=arguments,
+                    n_bytes=sum(status.st_size for status in files.values()),
+                    created=datetime.fromtimestamp(min(max(times), time.time())),  # clocks go wrong
+                    seconds=seconds,
+                    path=path,
+                )
+            )
     return sorted(entries, key=lambda entry: entry.created, reverse=True)
 
 
-def _is_result(path):
-    """Whether himap made this folder; HIMAP_CACHE may name one that holds other things too, and links."""
-    if path.is_symlink() or path.parent.is_symlink():
-        return False
-    if re.fullmatch(rf"{_UNFINISHED}-([0-9a-f]{{32}}|.+-\d+-[0-9a-f]{{8}})", path.name):
-        return path.is_dir()
-    known = (path / name for name in (TREE, _NOTE))  # an earlier himap had other values with its note
-    return bool(re.fullmatch(r"[0-9a-f]{32}", path.name)) and any(file.is_file() for file in known)
-
-
-def _entry(path):
-    product, arguments, seconds = _UNFINISHED, "", 0.0
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):  # whatever it holds
-        note = json.loads((path / _NOTE).read_text())
-        if not path.name.startswith(_UNFINISHED):
-            seconds = float(note.get("seconds", 0))
-            product, arguments = str(note["product"]), str(note.get("arguments", ""))
-    files = [file.lstat() for file in path.iterdir()]
-    last = max((status.st_mtime for status in files), default=path.stat().st_mtime)
-    return CacheEntry(
-        product=product,
-        arguments=arguments,
-        n_bytes=sum(status.st_size for status in files),
-        created=datetime.fromtimestamp(min(last, time.time())),  # clocks go wrong
-        seconds=seconds,
-        path=path,
-    )
-
-
-def clear_cache(products=(), *, wanted=None):
-    """Delete results.
-
-    Parameters
-    ----------
-    products
-        Names (`CacheEntry.product`) of which; default all.
-    wanted
-        Called with each `CacheEntry` of them: whether it goes; default all.
+def clear_cache(entries=None):
+    """Delete results, of which there is a `CacheEntry` each; default all.
 
     Returns
     -------
@@ -296,20 +282,13 @@ def clear_cache(products=(), *, wanted=None):
     Raises
     ------
     InputError
-        A product of which the cache holds nothing, and the message lists what it holds; or what cannot be
-        deleted.
+        Some cannot be deleted.
     """
-    entries = cache_info()
-    there = {entry.product for entry in entries}
-    if unknown := set(products) - there:
-        names = ", ".join(sorted(there)) or "nothing"
-        raise InputError(f"the cache holds no {', '.join(sorted(unknown))}; it holds {names}.")
-    chosen = [entry for entry in entries if not products or entry.product in products]
-    chosen = [entry for entry in chosen if wanted is None or wanted(entry)]
-    kept = [entry for entry in chosen if not _delete(entry.path)]
+    entries = cache_info() if entries is None else entries
+    kept = [entry for entry in entries if not _delete(entry.path)]
     if kept:
         raise InputError(
-            f"{len(kept)} of {len(chosen)} results could not be deleted, such as {kept[0].path}: can you "
+            f"{len(kept)} of {len(entries)} results could not be deleted, such as {kept[0].path}: can you "
             "write to it and to its folder?"
         )
-    return sum(entry.n_bytes for entry in chosen)
+    return sum(entry.n_bytes for entry in entries)

@@ -97,54 +97,50 @@ class CodeTree:
         {place of a definition (see `digests`): former digest that it is to count as}; what follows is
         in the attribute `accepts`, a dict as `accepted`.
     roots
-        Name of a package (or single module) beside himap -> its folder (or file).
+        Name of another package (or single module) -> its folder (or file).
     """
 
     def __init__(self, *, texts=None, accepted=None, former=None, **roots):
         self.texts = texts or {}
         self._accepted = accepted_digests() if accepted is None else accepted
-        self._former, self.accepts, self._roots, self._digests = former or {}, {}, {}, {}
-        self.roots = {name: Path(path) for name, path in {"himap": ROOT, **roots}.items()}
-        packages = [root for root in self.roots.values() if root.suffix != ".py"]  # as their files are spelt
-        self._there = {file for root in packages for file in root.rglob("*.py")} | set(self.texts)
-        for method in ("_summary", "_unit", "_fixed_name", "_modules", "_file", "_read"):
+        self._former, self.accepts, self._digests = former or {}, {}, {}
+        self._files = {}  # {module: its file}
+        for name, path in {"himap": ROOT, **roots}.items():
+            root = Path(path)
+            for file in [root] if root.suffix == ".py" else {*root.rglob("*.py"), *self.texts}:
+                if root in (file, *file.parents):
+                    parts = file.relative_to(root.parent).with_suffix("").parts[1:]
+                    self._files[".".join([name, *parts]).removesuffix(".__init__")] = file
+        for method in ("_summary", "_unit", "_fixed_name", "_modules", "_read"):
             setattr(self, method, cache(getattr(self, method)))
 
     def fingerprint(self, module, name=None):
         """{"code", "look", products and named classes: digest} of a module, or of `name` in it."""
-        return self._fingerprint(self._root(module, name))
+        return self.source_fingerprint(f"from {module} import {name}" if name else f"import {module}")
 
     def source_fingerprint(self, *sources):
         """The same of pieces of code, such as the cells of a notebook, and of what they import."""
-        code, part = parse_cells(sources)
-        self._roots[_CELLS, sources] = _Unit(part.digest, self._targets(code, part, None))
-        return self._fingerprint((_CELLS, sources))
+        root, codes = (_CELLS, sources), defaultdict(list)
+        for part in self._parts(root):
+            codes[self._fixed_name(part)].append(self._summary(part).code)
+        named = {name: one[0] if len(one) == 1 else digest_of(sorted(one)) for name, one in codes.items()}
+        code, look, *_ = self._summary(root)
+        return {"code": code, "look": look} | dict(sorted(named.items()))
 
     def digests(self, module):
         """{fixed name: {place: digest}} of the definitions behind every product and named class of a module.
 
         The place is ``module:name``, or the fixed name.
         """
-        parts = {self._fixed_name(part): self._summary(part) for part in self._parts(self._root(module))}
+        parts = self._parts((_CELLS, (f"import {module}",)))
+        parts = {self._fixed_name(part): self._summary(part) for part in parts}
         return {
-            name: {self._at(unit): self._digests[unit] for unit in part.reached if self._file(unit[0])}
+            name: {self._at(unit): self._digests[unit] for unit in part.reached if unit[0] in self._files}
             for name, part in parts.items()
         }
 
-    def _root(self, module, name=None):
-        self._roots[_CELLS, module, name] = _Unit("", ((((module, name),), None),))
-        return _CELLS, module, name
-
     def _at(self, unit):
         return self._fixed_name(unit) or f"{unit[0]}:{unit[1]}"
-
-    def _fingerprint(self, root):
-        codes = defaultdict(list)
-        for part in self._parts(root):
-            codes[self._fixed_name(part)].append(self._summary(part).code)
-        named = {name: one[0] if len(one) == 1 else digest_of(sorted(one)) for name, one in codes.items()}
-        code, look, *_ = self._summary(root)
-        return {"code": code, "look": look} | dict(sorted(named.items()))
 
     def _parts(self, root):
         """The units with a fixed name that `root` reaches, also through each other."""
@@ -177,7 +173,7 @@ class CodeTree:
 
     def _is_shown(self, unit):
         """Whether a unit counts for the looks of what only shows numbers: of other packages, all do."""
-        return is_look(unit[0]) or not self._file(unit[0])
+        return is_look(unit[0]) or unit[0] not in self._files
 
     def _digest_all(self, units):
         """Fill the digests of units, those before that others name; circles of them together."""
@@ -200,18 +196,12 @@ class CodeTree:
             self._digests |= dict.fromkeys(circle, "circle")
             for _ in circle:  # after as many rounds as there are units each knows all of the circle
                 self._digests |= {unit: self._digest(unit) for unit in circle}
-            self._digests |= {unit: self._counted(unit) for unit in circle}
-
-    def _counted(self, unit):
-        """The digest of a unit, or the former one that it counts as."""
-        own = self._digests[unit]
-        if not self._unit(unit).text:  # another name, or nothing
-            return own
-        digest = self._accepted.get(own, own)
-        former = self._former.get(self._at(unit), digest)
-        if former != digest:
-            self.accepts[own] = former
-        return former
+            for unit in circle:
+                if self._unit(unit).text:  # else it is another name, or nothing
+                    own = self._digests[unit]
+                    digest = self._accepted.get(own, own)
+                    self._digests[unit] = former = self._former.get(self._at(unit), digest)
+                    self.accepts |= {own: former} if former != digest else {}
 
     def _named_by(self, unit):
         """The units by whose digests this one counts: of its kind, and without a fixed name."""
@@ -232,14 +222,15 @@ class CodeTree:
         return digest_of([text, *pieces])
 
     def _unit(self, unit):
-        if unit in self._roots:
-            return self._roots[unit]
         module, name = unit
-        if not self._file(module):
+        if module == _CELLS:
+            code, part = parse_cells(name)
+            return _Unit(part.digest, self._targets(code, part, None))
+        if module not in self._files:
             return _Unit(f"{module}.{name or ''}")
         code, parts = self._read(module), module.split(".")
         before = [".".join(parts[:n]) for n in range(2, len(parts))] + [module]
-        run = tuple((one, RUN) for one in before if self._file(one))
+        run = tuple((one, RUN) for one in before if one in self._files)
         if name == _FOLDER:
             return _Unit(_FOLDER, others=(*self._inside(module), *run))
         if name is None:
@@ -251,8 +242,8 @@ class CodeTree:
         return _Unit(part.digest, self._targets(code, part, module), run)
 
     def _fixed_name(self, unit):
-        module, name = unit[:2]
-        is_ours = name and name not in (RUN, _FOLDER) and module != _CELLS and self._file(module)
+        module, name = unit
+        is_ours = name and name not in (RUN, _FOLDER) and module != _CELLS and module in self._files
         return self._read(module).fixed_name(name) if is_ours else None
 
     def _targets(self, code, part, module):
@@ -261,32 +252,28 @@ class CodeTree:
         for hole in part.holes:
             units, rest = [] if hole.nodes else [(module, _FOLDER)], None
             for node in hole.nodes:
-                named, taken = [(module, hole.name)], False
+                named, is_attribute = [(module, hole.name)], False
                 if isinstance(node, IMPORTS):
-                    named, taken = self._imported(node, hole, code)
+                    alias = next(one for one in node.names if bound_name(one) == hole.name)
+                    *parent, place = code.source(node, alias)
+                    is_bound = parent or alias.asname or "." not in place  # import a.b.c binds a
+                    named = [(place, None)]
+                    if parent and place not in self._files:
+                        named = self._named(parent[0], alias.name)
+                    elif hole.attribute and is_bound:
+                        named, is_attribute = self._named(place, hole.attribute), True
                 units += named
-                rest = rest if taken else hole.attribute
+                rest = rest if is_attribute else hole.attribute
             targets.append((tuple(one for one in dict.fromkeys(units) if not is_ignored(one[0])), rest))
         return tuple(targets)
 
-    def _imported(self, node, hole, code):
-        """The units behind an import, and whether the attribute of the hole is one of them."""
-        alias = next(one for one in node.names if bound_name(one) == hole.name)
-        *parent, place = code.source(node, alias)
-        if parent and not self._file(place):
-            return self._named(parent[0], alias.name), False
-        is_bound = bool(parent) or alias.asname or "." not in place  # import a.b.c binds a
-        if hole.attribute and is_bound:
-            return self._named(place, hole.attribute), True
-        return [(place, None)], False
-
     def _named(self, module, name):
         """The units behind `name` of a module, which it makes or which a package offers."""
-        if not self._file(module):
+        if module not in self._files:
             return [(module, name)]
         code = self._read(module)
         units = [(module, name)] if name in code.index or (code.is_package and name == _FOLDER) else []
-        if code.is_package and self._file(f"{module}.{name}"):
+        if code.is_package and f"{module}.{name}" in self._files:
             units.append((f"{module}.{name}", None))
         if code.is_package and not units and "__getattr__" in code.index:
             units = self._offered(module, name) or [(module, "__getattr__")]
@@ -305,34 +292,16 @@ class CodeTree:
 
     def _inside(self, package):
         """The classes with a fixed name in the folder of a package, and in those of its sub-packages."""
-        units = []
-        for module in self._modules(package):
-            code = self._read(module)
-            units += [(module, name) for name in code.index if code.fixed_name(name)]
-            units += self._inside(module) if code.is_package else []
-        return units
+        modules = [module for module in self._files if module.startswith(f"{package}.")]
+        units = [(module, name) for module in modules for name in self._read(module).index]
+        return sorted(unit for unit in units if self._fixed_name(unit))
 
     def _modules(self, package):
         """Names of the modules and sub-packages in the folder of a package."""
-        init = self._file(package)
-        files = [
-            path.relative_to(init.parent) for path in self._there - {init} if init.parent in path.parents
-        ]
-        modules = sorted({f"{package}.{file.parts[0].removesuffix('.py')}" for file in files})
-        return [module for module in modules if self._file(module)]
-
-    def _file(self, module):
-        """The source file of a module of ours, else None."""
-        top, *rest = module.split(".")
-        root = self.roots.get(top)
-        if root is None or root.suffix == ".py":
-            return None if rest else root
-        path = root.joinpath(*rest)
-        candidates = [path / "__init__.py"] + [path.with_suffix(".py")] * bool(rest)
-        return next((one for one in candidates if one in self._there), None)
+        return sorted(module for module in self._files if module.rpartition(".")[0] == package)
 
     def _read(self, module):
-        file = self._file(module)
+        file = self._files[module]
         text = self.texts[file] if file in self.texts else file.read_text(encoding="utf-8")
         is_package = file.name == "__init__.py"
         package = module if is_package else module.rpartition(".")[0]

@@ -16,10 +16,9 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from himap.core.errors import InputError
 from himap.core.files import note_worker, run_folder
-from himap.core.memory import cause_of_death, memory_kills
 from himap.core.progress import progress
 from himap.store import cache
-from himap.store.store import note_made, recorded
+from himap.store.store import MADE
 
 JOBS_VARIABLE = "HIMAP_JOBS"
 """Environment variable with the number of processes; `himap run --jobs` sets it for its kernels."""
@@ -104,7 +103,7 @@ def make_all(product, calls, description, *, at_once=None):
     else:
         done = (_make(product, call, _settings()) for call in missing)
     for made, caught in progress(done, description, total=len(missing)):
-        note_made(made)
+        MADE.extend(made)
         for message, category in caught:
             warnings.warn(message, category, stacklevel=2)
     return len(missing)
@@ -112,7 +111,6 @@ def make_all(product, calls, description, *, at_once=None):
 
 def _in_processes(product, missing, jobs):
     """What `_make` returns of each piece of work as it is done; `jobs` processes share the cores."""
-    kills = memory_kills()
     # joblib tells this to every other package with threads. New processes read it when they begin.
     threads = os.environ.get(_TRANSFORM_THREADS) or str(max(1, joblib.cpu_count() // jobs))
     try:
@@ -123,11 +121,10 @@ def _in_processes(product, missing, jobs):
         with patch.dict(os.environ, {_TRANSFORM_THREADS: threads}):
             yield from joblib.Parallel(n_jobs=jobs, **options)(work)
     except TerminatedWorkerError as error:
-        cause = cause_of_death(map(int, re.findall(r"\((-?\d+)\)", str(error))), kills)
-        more = " with fewer --jobs, or on a machine with more memory" if "memory" in cause else ""
+        codes = ", ".join(sorted({*re.findall(r"\w+\(-?\d+\)", str(error))}))
         raise InputError(
-            f"one of {jobs} processes died of {cause} as it made {product.name}. What was done is kept: run "
-            f"the same again{more}."
+            f"one of {jobs} processes died ({codes}) as it made {product.name}. What was done is kept: run "
+            "the same again, with fewer --jobs if memory ran out."
         ) from None
 
 
@@ -146,13 +143,20 @@ def _end_with(asking):
 def _client(seconds):
     """A `distributed.Client` of the scheduler at `dask_address()`, which has so many seconds to answer."""
     try:
-        from distributed import Client
+        from distributed import Client, Security
+        from distributed.comm import connect
     except ImportError:
         raise InputError("--dask needs the package `distributed`: pip install 'himap[cluster]'.") from None
     address = dask_address()
+
+    async def greet():  # the client waits without end for one, say from a web server
+        options = Security().get_connection_args("client")
+        comm = await asyncio.wait_for(connect(address, timeout=seconds, **options), seconds)
+        await comm.close()
+
     try:
         with ThreadPoolExecutor(1) as thread:  # in a notebook this one has an event loop that runs
-            thread.submit(asyncio.run, _greet(address, seconds)).result()
+            thread.submit(asyncio.run, greet()).result()
         return Client(address, timeout=seconds)
     except Exception as error:  # what answers there may be no scheduler, and say anything
         said = str(error) or f"no answer to a greeting in {seconds:g} s"
@@ -160,19 +164,6 @@ def _client(seconds):
             f"there is no Dask scheduler at {address} ({said}); start one with `dask scheduler` and give "
             "the address that it prints, such as tcp://host:8786."
         ) from None
-
-
-async def _greet(address, seconds):
-    """Exchange greetings with a scheduler; without an answer in time raise what `_client` catches.
-
-    The client waits for one without end, say from a web server, which waits for more to be said.
-    """
-    from distributed import Security
-    from distributed.comm import connect
-
-    options = Security().get_connection_args("client")
-    comm = await asyncio.wait_for(connect(address, timeout=seconds, **options), seconds)
-    await comm.close()
 
 
 def _on_cluster(product, missing):
@@ -227,7 +218,8 @@ def _make(product, call, settings, folder=None, asking=None):
     for name in _settings().keys() - settings.keys():
         del os.environ[name]
     os.environ.update(settings)
-    with recorded() as made, warnings.catch_warnings(record=True) as caught:
+    n_before = len(MADE)
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         product(*call)
-    return made, [(str(warning.message), warning.category) for warning in caught]
+    return MADE[n_before:], [(str(warning.message), warning.category) for warning in caught]

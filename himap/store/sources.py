@@ -168,17 +168,13 @@ def _statements(source):
 @lru_cache(maxsize=4096)
 def is_ignored(module):
     """Whether no number depends on a module."""
-    return _is_in(module, IGNORED) and not is_look(module)
+    return any(f"{module}.".startswith(f"{room}.") for room in IGNORED) and not is_look(module)
 
 
 @lru_cache(maxsize=4096)
 def is_look(module):
     """Whether a module only shows numbers."""
-    return _is_in(module, LOOKS)
-
-
-def _is_in(module, rooms):
-    return any(f"{module}.".startswith(f"{room}.") for room in rooms)
+    return any(f"{module}.".startswith(f"{room}.") for room in LOOKS)
 
 
 def digest_of(lines):
@@ -189,22 +185,20 @@ def digest_of(lines):
 LOADED = {}
 """{source file: its text as this process loaded it}."""
 
-_STATES = {}  # {package: {file: the time and size that it had}}
+_STATES = {}  # {source file: the time and size that it had}
 
 
 @cache
 def note(root):
     """Note the files of a package, or of a single module, which this process loads now."""
-    files = [root] if root.suffix == ".py" else root.rglob("*.py")
-    _STATES[root] = {file: _state(file) for file in files}
-    LOADED.update({file: file.read_text(encoding="utf-8") for file in _STATES[root]})
+    for file in [root] if root.suffix == ".py" else root.rglob("*.py"):
+        _STATES[file], LOADED[file] = _state(file), file.read_text(encoding="utf-8")
 
 
-def edited(roots):
-    """{file: its time and size now, None if it is gone} of the files of noted packages that were edited."""
-    then = {file: state for root in roots for file, state in _STATES[root].items()}
-    now = {file: _state(file) for file in then}
-    return {file: state for file, state in now.items() if state != then[file]}
+def edited():
+    """{file: its time and size now, None if it is gone} of the noted files that were edited."""
+    now = {file: _state(file) for file in _STATES}
+    return {file: state for file, state in now.items() if state != _STATES[file]}
 
 
 def _state(file):

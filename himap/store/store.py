@@ -60,34 +60,17 @@ def temporary(*products):
 
     What was in the cache before stays.
     """
-    with recorded() as made:
-        try:
-            yield
-        finally:
-            names = {product.name for product in products}
-            for name, key in made:
-                if name in names:
-                    cache.remove(name, key)
-
-
-@contextmanager
-def recorded():
-    """A list that gets the (name, key) of all that is put into the cache meanwhile."""
-    made = []
-    _RECORDS.append(made)
+    names, n_before = {product.name for product in products}, len(MADE)
     try:
-        yield made
+        yield
     finally:
-        _RECORDS[:] = [record for record in _RECORDS if record is not made]
+        for name, key in MADE[n_before:]:
+            if name in names:
+                cache.remove(name, key)
 
 
-def note_made(entries):
-    """Enter [(name, key)] into the lists of `recorded`."""
-    for record in _RECORDS:
-        record.extend(entries)
-
-
-_RECORDS = []
+MADE = []
+"""(name, key) of all that this process, and those that worked for it, have put into the cache, in order."""
 
 
 class Product:
@@ -129,9 +112,9 @@ class Product:
                 return cache.load(self.name, key)  # another process has computed it meanwhile
             started = time.monotonic()
             value = self._function(*bound.args, **bound.kwargs)
-            seconds = time.monotonic() - started
-            cache.save(self.name, key, value, arguments=_describe(bound.arguments), seconds=seconds)
-            note_made([(self.name, key)])
+            seconds, arguments = time.monotonic() - started, _describe(bound.arguments)
+            cache.save(self.name, key, value, arguments=arguments, seconds=seconds)
+            MADE.append((self.name, key))
         with suppress(cache.Missing):  # another process has deleted it meanwhile
             value = cache.load(self.name, key)  # so that what it holds in memory can go
         return value
@@ -184,7 +167,8 @@ def _describe(value):
         return "{" + ", ".join(f"{key}: {_describe(texts[key])}" for key in sorted(texts)) + "}"
     if is_dataclass(value) and not isinstance(value, type):
         counted = [(f, getattr(value, f.name)) for f in fields(value) if f.compare]
-        inner = ", ".join(f"{f.name}={_describe(one)}" for f, one in counted if not _is_off(f, one))
+        counted = [(f, one) for f, one in counted if not ("off" in f.metadata and one == f.metadata["off"])]
+        inner = ", ".join(f"{f.name}={_describe(one)}" for f, one in counted)
         return f"{type(value).__qualname__}({inner}){extra}"
     if extra:
         return type(value).__qualname__ + extra
@@ -192,11 +176,6 @@ def _describe(value):
         "the arguments of a cached product are numbers, strings, bools, None, paths, tuples, lists, dicts, "
         f"dataclasses of these, arrays, or objects with a digest(); got {type(value).__name__} {value!r}."
     )
-
-
-def _is_off(item, value):
-    """Whether a field of a dataclass has the value with which it changes nothing."""
-    return "off" in item.metadata and value == item.metadata["off"]
 
 
 def _classes(value):
@@ -229,8 +208,7 @@ def is_current(objects):
 
     It looks at the times and sizes of files, and reads again only those that have changed.
     """
-    roots = {sources.ROOT, *(place(obj)[0][1] for obj in objects)}
-    edited = frozenset(sources.edited(roots).items())
+    edited = frozenset(sources.edited().items())
     return not edited or _digest(objects, accepted_version(), edited) == code_digest(objects)
 
 

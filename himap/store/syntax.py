@@ -17,6 +17,7 @@ DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 _COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
 _SKIPPED_FIELDS = {"ctx", "kind", "type_comment", "type_params", "type_ignores"}
 _LOOK_UP = {"locals", "eval", "exec", "query"}  # variables, by their names
+_SCOPES = {"vars", "dir"}  # which do so without an argument
 _CLASS = "<class>"
 
 _ENTRY = {"statement", "number", "paper", "section", "figure", "notebook", "form"}
@@ -55,22 +56,21 @@ class Writer:
     Attributes
     ----------
     holes
-        Those that it left, in order.
+        Those in what it wrote, in order.
     """
 
     def __init__(self, code, own, nodes):
         self.code, self.own, self.holes = code, own, []
         self._scopes, self._n_locals = [], 0  # {name: its text, None before it has a number, or an import}
-        self._keeps_names = own is None or any(_looks_up(child) for node in nodes for child in ast.walk(node))
-
-    def texts(self, nodes):
-        """The texts of some statements or expressions, without docstrings, warnings and ignored calls."""
-        return [self.text(node) for node in nodes if not (is_text(node) or self.is_silent(node))]
+        calls = [child for node in nodes for child in ast.walk(node) if isinstance(child, ast.Call)]
+        looks_up = any(called(one) in _LOOK_UP or (called(one) in _SCOPES and not one.args) for one in calls)
+        self._keeps_names = own is None or looks_up
 
     def text(self, node):
-        """The text of a node, or of a list of them."""
+        """The text of a node, or of a list of them without docstrings, warnings and ignored calls."""
         if isinstance(node, list):
-            return f"[{','.join(self.texts(node))}]"
+            texts = [self.text(one) for one in node if not (is_text(one) or self.is_silent(one))]
+            return f"[{','.join(texts)}]"
         if not isinstance(node, ast.AST):
             return repr(node)
         return getattr(self, f"_{type(node).__name__}", self._plain)(node)
@@ -194,7 +194,7 @@ class Writer:
         return f"{names},{self._inside(self._free(_bound_in(body)) | parameters, given, body)}"
 
     def _free(self, names):
-        return {name: found or (repr(name) if self._keeps_names else None) for name, found in names.items()}
+        return {name: text or (repr(name) if self._keeps_names else None) for name, text in names.items()}
 
     def _inside(self, names, before, *nodes):
         """The texts of some nodes in a scope of their own, after some that were written outside."""
@@ -282,8 +282,3 @@ def is_text(node):
 
 def _is_string(node):
     return isinstance(node, ast.JoinedStr) or isinstance(getattr(node, "value", None), str)
-
-
-def _looks_up(node):
-    name = called(node) if isinstance(node, ast.Call) else ""
-    return name in _LOOK_UP or (name in ("vars", "dir") and not node.args)

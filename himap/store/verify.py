@@ -78,8 +78,8 @@ def verify(calls, *, further=None, rtols=None, renew=False, report=print):
     agreeing = {place: code for place, code in probes["places"].items() if place not in refused}
     tree = tree_of(module, former=agreeing)
     codes, places = codes_of(tree, module, further), {}
-    for found in tree.digests(module.__name__).values():
-        places |= found
+    for definitions in tree.digests(module.__name__).values():
+        places |= definitions
     if not renew:
         places |= {place: code for place, code in probes["places"].items() if place in refused}
     # What moved to another module, or was split, has no former digest: all behind a product counts at once.
@@ -99,15 +99,15 @@ def compared(calls, names, rtols=None):
 
     They have a cache of their own, so that nothing is read that former code made.
     """
-    probes, found = _stored(fingerprint.PROBES)["calls"], {}
+    probes, results = _stored(fingerprint.PROBES)["calls"], {}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of small maps
         with patch.dict(os.environ, HIMAP_CACHE=folder):
             for name in progress(names, "canonical calls"):
                 given = [summary(call()) for call in calls[name]]
                 stored = probes[name]["gives"] if name in probes else given
-                found[name] = given, differences(stored, given, (rtols or {}).get(name, RTOL))
-    return found
+                results[name] = given, differences(stored, given, (rtols or {}).get(name, RTOL))
+    return results
 
 
 def moved_names(calls, further=None):

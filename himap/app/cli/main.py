@@ -7,8 +7,10 @@ import math
 import time
 from collections import defaultdict
 from datetime import datetime
+from functools import partial
 
 import click
+from tqdm import tqdm
 
 from himap import __version__
 from himap.app import reproduce
@@ -32,6 +34,7 @@ from himap.figures.tables import Table
 from himap.store import cache
 
 _OTHER = "other"  # than a preset
+_size_text = partial(tqdm.format_sizeof, suffix="B")
 
 
 @click.group(
@@ -126,27 +129,21 @@ def run(names, preset, pairs, output, stale, every, overwrite):
     names = [notebook.name for notebook in notebooks()] if every else names
     if output is not None and len(names) > 1:
         raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
-    calls = _calls(names, preset, named_values(pairs), only_accepted=every)
-    for name, parameters in calls.items():
-        started = time.monotonic()
-        path, done = reproduce.run(name, **parameters, output=output, again=not every, overwrite=overwrite)
-        click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
-
-
-def _calls(names, preset, texts, *, only_accepted):
-    """{notebook: its "preset" and "parameters"}, checked before any runs; perhaps only those that it has."""
-    declared = {name: find(name).parameters for name in names}
+    texts, declared = named_values(pairs), {name: find(name).parameters for name in names}
     known = {name: all_parameters(parameters) for name, parameters in declared.items()}
-    calls, unused = {}, set(texts).difference(*known.values())
-    if only_accepted and unused:
+    if every and (unused := set(texts).difference(*known.values())):
         raise InputError(f"no notebook has the parameter {min(unused)}; `himap list NAME` shows them.")
-    for name, parameters in declared.items():
-        its_preset = preset if not only_accepted or "preset" in known[name] else None
-        accepted = {key: text for key, text in texts.items() if not only_accepted or key in known[name]}
+    calls = {}
+    for name, parameters in declared.items():  # with --all each gets those that it has
+        its_preset = preset if not every or "preset" in known[name] else None
+        accepted = {key: text for key, text in texts.items() if not every or key in known[name]}
         values = parse_texts(parameters, accepted)
-        check_parameters(parameters, values, its_preset)
+        check_parameters(parameters, values, its_preset)  # before any runs
         calls[name] = {"preset": its_preset, "parameters": values}
-    return calls
+    for name, options in calls.items():
+        started = time.monotonic()
+        path, done = reproduce.run(name, **options, output=output, again=not every, overwrite=overwrite)
+        click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
 
 
 @main.command()
@@ -244,27 +241,21 @@ def clear(products, preset, days, yes):
     if days is not None and not math.isfinite(days):
         raise InputError(f"an age is a number of days, got --older-than {days}.")
 
-    def wanted(entry):
-        age = (datetime.now() - entry.created).total_seconds() / 86_400
-        return preset in (None, _preset_of(entry)) and (days is None or age >= days)
-
+    entries, now = cache.cache_info(), datetime.now()
+    known = {entry.product for entry in entries}
+    if unknown := set(products) - known:
+        names = ", ".join(sorted(known)) or "nothing"
+        raise InputError(f"the cache holds no {', '.join(sorted(unknown))}; it holds {names}.")
     if not (products or yes or preset or days is not None):
         click.confirm(f"Delete everything in {cache.cache_folder()}?", abort=True)
-    click.echo(f"freed {_size_text(cache.clear_cache(products, wanted=wanted))}")
+    entries = [entry for entry in entries if entry.product in (products or known)]
+    entries = [entry for entry in entries if (now - entry.created).total_seconds() >= 86_400 * (days or 0)]
+    entries = [entry for entry in entries if preset in (None, _preset_of(entry))]
+    click.echo(f"freed {_size_text(cache.clear_cache(entries))}")
 
 
 def _preset_of(entry):
     """The preset whose size the survey of a cached result has; "other" where there is none."""
-    for name, survey in PRESETS.items():
-        size = (f"{item}={getattr(survey, item)}," for item in ("nside", "n_channels", "box_cells"))
-        if all(text in entry.arguments for text in size):
-            return name
-    return _OTHER
-
-
-def _size_text(n_bytes):
-    for unit in ("B", "kB", "MB"):
-        if n_bytes < 1000:
-            return f"{n_bytes:.0f} {unit}" if unit == "B" else f"{n_bytes:.1f} {unit}"
-        n_bytes /= 1000
-    return f"{n_bytes:.1f} GB"
+    size = ("nside", "n_channels", "box_cells")
+    texts = {name: [f"{item}={getattr(one, item)}," for item in size] for name, one in PRESETS.items()}
+    return next((name for name in texts if all(text in entry.arguments for text in texts[name])), _OTHER)

@@ -56,14 +56,13 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     from himap.paper.record import Record, measuring_code
 
     experiment = find_experiment(name)
-    path, record = grow if check is None else check, None
-    if None not in (check, grow):
-        raise InputError("--check and --grow exclude each other; check the record, then let it grow.")
-    if path is not None:
-        if output is not None or overwrite:
-            option = "--grow" if check is None else "--check"
-            raise InputError(f"{option} writes into the file that it names; leave -o out, and --overwrite.")
-        record = Record.load(experiment, path)
+    path = grow if check is None else check
+    if path is not None and (None not in (check, grow) or output is not None or overwrite):
+        raise InputError(
+            "--check and --grow write into the file that they name: give one of them, without -o and "
+            "--overwrite; a record is checked before it grows."
+        )
+    record = None if path is None else Record.load(experiment, path)
     chosen, given = _parameters(experiment, pairs, preset, record.parameters if record else {})
     if record is None:
         default = Path("results", copy_name(name, chosen["preset"], given, suffix=".json"))
@@ -74,13 +73,8 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     stated |= {one: value for one, value in given.items() if one not in _OF_PROVENANCE}
 
     def about(since):
-        made = Provenance.of(
-            skies[0].survey,
-            galaxy=skies[0].galaxy,
-            preset=chosen["preset"],
-            parameters=stated,
-            started=since,
-        )
+        options = {"galaxy": skies[0].galaxy, "preset": chosen["preset"], "parameters": stated}
+        made = Provenance.of(skies[0].survey, **options, started=since)
         # The code that ran, whatever was edited in the hours since.
         return asdict(made) | {"code": measuring_code(name, CodeTree(texts=LOADED))}
 

@@ -33,21 +33,15 @@ class Commands(click.Group):
             with patch.dict(os.environ, _FOR_CHILDREN), progress_lines():
                 return super().invoke(context)
         except (InputError, NotebookError, ModuleNotFoundError) as error:
-            message, code = shortened(str(error)), 2
-            if isinstance(error, ModuleNotFoundError):
-                name = (error.name or "").partition(".")[0]
-                if name not in _NOTEBOOK_PACKAGES:
-                    raise
-                message = (
-                    f"this needs the packages for notebooks, and {name} is not there: "
-                    "pip install 'himap[notebooks]'."
-                )
-            elif isinstance(error, NotebookError):
-                message, code = f"{message}\nAdd --debug for the traceback.", 1
-            if context.meta.get("debug"):
+            name = (getattr(error, "name", None) or "").partition(".")[0]
+            is_missing, is_failed = isinstance(error, ModuleNotFoundError), isinstance(error, NotebookError)
+            if context.meta.get("debug") or (is_missing and name not in _NOTEBOOK_PACKAGES):
                 raise
+            message = shortened(str(error)) + is_failed * "\nAdd --debug for the traceback."
+            if is_missing:
+                message = f"{name}, a package for notebooks, is missing: pip install 'himap[notebooks]'."
             shown = click.ClickException(message)
-            shown.exit_code = code
+            shown.exit_code = 1 if is_failed else 2
             raise shown from None
 
 
@@ -97,24 +91,14 @@ def with_options(*options):
     return lambda command: functools.reduce(lambda so_far, option: option(so_far), reversed(options), command)
 
 
-def _remember_debug(context, parameter, value):
-    context.meta["debug"] = value or context.meta.get("debug", False)
-
-
 debug = click.option(
     "--debug",
     is_flag=True,
     expose_value=False,
-    callback=_remember_debug,
+    callback=lambda context, _, value: value and context.meta.update(debug=True),
     help="Show the traceback of an error.",
 )
 overwrite_option = click.option("--overwrite", is_flag=True, help="Write over what is there.")
-
-
-def _check_size(context, parameter, value):
-    if value is not None:
-        parse_size(value)
-    return value
 
 
 def workers(command):
@@ -128,6 +112,8 @@ def workers(command):
     def wrapped(*args, jobs, dask, max_memory, **options):
         settings = {JOBS_VARIABLE: jobs, DASK_VARIABLE: dask, LIMIT_VARIABLE: max_memory}
         given = {name: str(value) for name, value in settings.items() if value is not None}
+        if max_memory is not None:
+            parse_size(max_memory)
         with patch.dict(os.environ, given):
             check_scheduler()
             return command(*args, **options)
@@ -137,7 +123,7 @@ def workers(command):
     return with_options(
         click.option("--jobs", type=click.IntRange(min=1), help="Processes that work at once; default 1."),
         click.option("--dask", metavar="ADDRESS", help=address),
-        click.option("--max-memory", metavar="SIZE", callback=_check_size, help=size),
+        click.option("--max-memory", metavar="SIZE", help=size),
     )(wrapped)
 
 
