@@ -68,13 +68,15 @@ def _run(arguments, folder):
     root = str(Path(__file__).resolve().parents[1])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
     variables = os.environ | {"HIMAP_CACHE": str(folder / "cache"), "PYTHONPATH": path}
-    started = time.monotonic()
-    process = subprocess.Popen([sys.executable, "-m", "himap", *arguments], cwd=folder, env=variables)
-    with Peak(process.pid) as peak:
-        failed = process.wait()
-    if failed:
-        raise click.ClickException(f"himap {' '.join(arguments)} ended with {failed}, as said above.")
-    return {"seconds": time.monotonic() - started, "memory_gb": peak.memory / 1e9}
+    started, memory = time.monotonic(), 0
+    with subprocess.Popen([sys.executable, "-m", "himap", *arguments], cwd=folder, env=variables) as process:
+        while process.poll() is None:
+            memory = max(memory, memory_of(process.pid))
+            time.sleep(INTERVAL)
+    if process.returncode:
+        failed = f"himap {' '.join(arguments)} ended with {process.returncode}"
+        raise click.ClickException(f"{failed}, as said above.")
+    return {"seconds": time.monotonic() - started, "memory_gb": memory / 1e9}
 
 
 if __name__ == "__main__":
