@@ -71,17 +71,17 @@ def spectrum_epsilon(sources, noise, strength):
     return np.array([strength * noise / healpy.alm2cl(source) for source in sources])
 
 
-def thresholded(sources, inverses, memory, share, settings, channel_noise):
-    """Sources after the thresholds of all their scales; coefficients; and what is remembered of them."""
-    nside, lmax, n_sigma = settings["nside"], settings["lmax"], settings["n_sigma"]
-    passes = low_passes(settings["n_scales"], lmax, settings["wavelets"])
+def thresholded(sources, inverses, memory, method, nside, channel_noise):
+    """Sources after the thresholds of all their scales, and their coefficients."""
+    lmax = len(inverses) - 1
+    passes = low_passes(method.n_scales, lmax, method.wavelets)
     after, remembered = [], []
     for n, source in enumerate(sources):
         finer, finer_pass, total, own = healpy.alm2map(source, nside), np.ones(lmax + 1), 0, []
         for j, low_pass in enumerate(passes):
             smooth = healpy.alm2map(healpy.almxfl(source, low_pass), nside)
             scale, band = finer - smooth, finer_pass - low_pass
-            if settings["thresholds"] == "mad":
+            if method.thresholds == "mad":
                 sigma = np.median(np.abs(scale - np.median(scale))) / 0.6735
             else:
                 variance = 0
@@ -89,15 +89,11 @@ def thresholded(sources, inverses, memory, share, settings, channel_noise):
                     per_mode = np.sum(inverse[n] ** 2 * channel_noise)
                     variance += (2 * degree + 1) * band[degree] ** 2 * per_mode / (4 * np.pi)
                 sigma = np.sqrt(variance)
-            sizes = np.abs(scale)
-            significant = np.sort(sizes[sizes > n_sigma * sigma])
-            if share == 1:
-                threshold = n_sigma * sigma
-            else:
-                n_kept = max(int(share * len(significant)), settings["least_kept"])
-                threshold = np.sort(sizes)[-n_kept] if n_kept else np.inf
+            sizes, cut = np.abs(scale), method.n_sigma * sigma
+            n_kept = max(int(method.share * np.sum(sizes > cut)), method.least_kept)
+            threshold = np.sort(sizes)[-n_kept] if n_kept else np.inf
             if memory is not None:
-                threshold = threshold / (1 + np.abs(memory[n][j]) / (n_sigma * sigma))
+                threshold = threshold / (1 + np.abs(memory[n][j]) / cut)
             shrunk = np.where(sizes > threshold, np.sign(scale) * (sizes - threshold), 0)
             own.append(np.where(sizes == threshold, scale, shrunk))
             total = total + own[-1]
@@ -120,33 +116,24 @@ def mixing_update(data, beams, sources, window, floor):
     return np.array(rows)
 
 
-def iteration(data, beams, mixing, sources, memory, share, settings, *, refining, channel_noise):
-    """A, S and the memory after one iteration.
+def iteration(alms, problem, method, nside, mixing, sources, memory, *, refining):
+    """A, S and its coefficients after one iteration of an `SDecGMCA` at its largest share.
 
-    Parameters
-    ----------
-    data, beams
-        Coefficients (n_channels, n_alm), and H_l (n_channels, lmax + 1).
-    mixing, sources, memory
-        A, S and the memory of the last one; the last two may be None in the warm-up.
-    share, settings
-        K, and the options of `SDecGMCA` with nside and lmax, a dict.
-    refining
-        Whether this is an iteration of the refinement.
-    channel_noise
-        Variance of the noise per mode, (n_channels,).
+    Of coefficients (n_channels, n_alm), with beams and noise of `problem`; A, S and the memory are those of
+    the last iteration, the last two None in the warm-up.
     """
-    strength = settings["regularisation"]
-    if refining and settings["coefficients"] == "spectrum":
-        epsilon = spectrum_epsilon(sources, np.mean(channel_noise), strength)
+    beams = problem.beams
+    if refining and method.coefficients == "spectrum":
+        epsilon = spectrum_epsilon(sources, np.mean(problem.noise), method.regularisation)
     else:
-        epsilon = matrix_epsilon(beams, mixing, strength)
-    sources, inverses = source_update(data, beams, mixing, epsilon, settings["floor"])
-    sources, memory = thresholded(sources, inverses, memory, share, settings, channel_noise)
+        epsilon = matrix_epsilon(beams, mixing, method.regularisation)
+    sources, inverses = source_update(alms, beams, mixing, epsilon, method.floor)
+    sources, coefficients = thresholded(sources, inverses, memory, method, nside, problem.noise)
     window = np.ones(beams.shape[1])
-    if settings["mixing_scales"] == "detail":
-        window -= low_passes(settings["n_scales"], settings["lmax"], settings["wavelets"])[-1]
-    mixing = mixing_update(data, beams, sources, window, settings["floor"])
-    if settings["sign"] == "nonnegative":
+    if method.mixing_scales == "detail":
+        window -= low_passes(method.n_scales, len(window) - 1, method.wavelets)[-1]
+    mixing = mixing_update(alms, beams, sources, window, method.floor)
+    if method.sign == "nonnegative":
         mixing = np.maximum(mixing * np.where(mixing.sum(axis=0) < 0, -1, 1), 0)
+    memory = coefficients if refining and method.reweighted else None
     return mixing / np.linalg.norm(mixing, axis=0), sources, memory

@@ -89,15 +89,6 @@ class TestStability:
         seen = noisy(problem[0], 30, rng)
         assert 1e-6 < largest_angle(separated(seen).mixing, separated(seen, **options).mixing) < 0.2
 
-    def test_rounding_does_not_end_it_early(self, problem, rng, monkeypatch):
-        """Signal a hundred thousand times fainter than the sky, as HI is, is still no rounding."""
-        seen = noisy(problem[0], 100, rng)
-        as_it_is = separated(seen)
-        monkeypatch.setattr("himap.removal.beam_subspace._ROUNDING", 0.0)
-        never = separated(seen)
-        assert as_it_is.n_iterations == never.n_iterations > 1
-        assert np.array_equal(as_it_is.foreground.maps, never.foreground.maps)
-
 
 def test_noise_as_an_array_is_noise_as_a_tuple():
     """Methods are keys of what is stored."""

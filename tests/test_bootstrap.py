@@ -100,24 +100,6 @@ class TestClosedForms:
         correlation = np.corrcoef(errors.T)
         assert np.abs(correlation[np.triu_indices(len(degrees), 1)]).mean() < 0.2
 
-    def test_data_are_corrected_to_their_truth(self, rng):
-        """Their true power lies within the error bars of bands as often as it should."""
-        pulls = []
-        for _ in range(6):
-            truth = white(rng)
-            maps = (foreground(rng) + truth).astype(np.float32)
-            cleaned = Cleaning.of(Data.of(maps, freqs=FREQS), PCA(n_sources=3), peaks=False)
-            found = members(cleaned, [white(rng) for _ in range(8)]).own
-            corrected = found.corrected("angular", power_of(cleaned).angular)
-            true = harmonic_power(sphere.analyse(truth), WIDTH).angular
-            bands = np.array_split(np.arange(4, 40), 6)
-            errors = found.errors("angular")
-            pulls += [
-                (corrected[band].mean() / true[band].mean() - 1) / sigma(errors[:, band].mean(axis=1))
-                for band in bands
-            ]
-        assert 0.45 < np.mean(np.abs(pulls) < 1) < 0.9 and np.sqrt(np.mean(np.square(pulls))) < 1.6
-
 
 class TestAMissedSource:
     """Of a faint fourth source PCA of three leaves nearly all: its power is known, a share of white noise."""

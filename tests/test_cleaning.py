@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, NSIDE, make_problem
 
-from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal import GNILC, PCA, BeamSubspace, FastICA, analysis
 from himap.removal.cleaning import Cleaning
@@ -61,25 +60,12 @@ class TestData:
         assert np.array_equal(masked.maps, weighted.maps) and np.array_equal(masked.grid, weighted.grid)
         assert weighted.weights is None and masked.missing is None
 
-    def test_missing_voxels_stay_missing_beside_a_mock(self, maps, mock, rng):
+    def test_missing_voxels_stay_missing_with_a_mock(self, maps, mock, rng):
         flags = rng.random(maps.shape) < 0.1
         data = Data.of(np.where(flags, np.nan, maps), freqs=FREQS, weights=~flags)
         both = data.with_mock(mock)
         assert not both.maps[flags].any() and np.array_equal(both.missing, flags)
         assert np.array_equal(both.maps[~flags], (maps + mock)[~flags])
-
-    @pytest.mark.parametrize(
-        ("given", "message"),
-        [
-            ({"noise": [1.0, 2.0]}, "noise must be one value or 8"),
-            ({"beams": BEAMS[1:]}, r"beams must be b_l of shape \(8, lmax"),
-            ({"image": np.ones((3, 3), bool)}, "image must be .* True at the 3072 pixels"),
-            ({"fish": 1}, "fish"),
-        ],
-    )
-    def test_refused(self, maps, given, message):
-        with pytest.raises((InputError, TypeError), match=message):
-            Data.of(maps, freqs=FREQS, **given)
 
 
 class TestCleaning:

@@ -33,7 +33,7 @@ def wiener():
     return filter_of(spectra, np.linalg.solve(data, spectra).T, faint)
 
 
-def test_a_filter_that_takes_nothing_keeps_all():
+def test_a_filter_that_removes_nothing_keeps_all():
     found = expected_mock_power(
         filter_of(np.zeros((5, 1)), np.zeros((1, 5)), np.diag([1.0, 2, 3, 4, 5])), 2.0
     )

@@ -14,7 +14,6 @@ from himap.removal.gaussian_process import (
     cost,
     kernel_parts,
     smoother,
-    squared_exponential,
 )
 
 FREQS = np.linspace(902.5, 1397.5, 40)
@@ -74,17 +73,6 @@ def test_slope_is_that_of_the_value_where_foregrounds_are_bright(rng):
     for number, step in enumerate(1e-4 * np.eye(7)):
         ahead, back = (cost(logs + sign * step, FREQS, covariance)[0] for sign in (1, -1))
         assert slope[number] == pytest.approx((ahead - back) / 2e-4, rel=1e-3, abs=1e-3)
-
-
-@pytest.mark.parametrize("length", [20.0, 100.0, 5000.0])
-def test_root_of_the_squared_exponential(length):
-    place = FREQS - FREQS.mean()
-    root, slope = squared_exponential(place, np.log(3), np.log(length))
-    squared = ((FREQS[:, None] - FREQS) / length) ** 2
-    assert root @ root.T == pytest.approx(3 * np.exp(-0.5 * squared), abs=1e-12)
-    assert slope @ root.T + root @ slope.T == pytest.approx(
-        3 * squared * np.exp(-0.5 * squared), abs=1e-11 * squared.max()
-    )
 
 
 def test_parameters_of_a_known_process_are_found(rng):

@@ -9,11 +9,11 @@ from image_files import SKY, write_image
 from scipy import ndimage
 
 from himap.core.errors import InputError
-from himap.cubes import clean_cube, read_cube, suggest
+from himap.cubes import read_cube, suggest
 from himap.maps import sphere
-from himap.maps.starlets import PlaneStarlets, starlet_filters, starlets
+from himap.maps.starlets import PlaneStarlets, starlet_filters
 from himap.removal.base import SeparationWarning
-from himap.removal.gmca import GMCA, SphereDetails
+from himap.removal.gmca import GMCA
 from himap.removal.gnilc import GNILC
 from himap.removal.pca import PCA
 
@@ -123,17 +123,6 @@ def test_foreground_is_the_projection_on_the_span_of_the_mixing(sky):
     assert cleaned.residual == pytest.approx(expected, abs=1e-6 * float(np.abs(sky).max()))
 
 
-def test_details_against_starlets_and_their_transpose(rng):
-    smooth = np.where(np.arange(3 * NSIDE) < NSIDE, 1.0, 0.0)
-    maps = sphere.synthesise(sphere.gaussian_alm(smooth, rng), NSIDE)[None]
-    phi = SphereDetails(3, NSIDE)
-    ours, theirs = phi.details(maps), starlets(maps, 3)[:-1]
-    assert ours == pytest.approx(theirs, abs=5e-3 * float(maps.std()))
-    scales = rng.standard_normal(ours.shape)
-    backward = np.sum(maps * phi.details_adjoint(scales))
-    assert np.sum(ours * scales) == pytest.approx(backward, abs=1e-9)
-
-
 def test_as_many_sources_as_channels(sky):
     assert np.abs(clean(sky[:3], n_sources=3).residual).max() < 3e-7 * np.abs(sky).max()
 
@@ -168,12 +157,6 @@ class TestFiles:
         images = maps.reshape(-1, *SHAPE).copy()
         images[3:5, ~SEEN] = np.nan  # of two channels: not seen in all
         return write_image(tmp_path / "a.fits", images, axes=AXES)
-
-    def test_clean_cube(self, path, maps):
-        cleaned = clean_cube(read_cube(path), "gmca", peaks=False)
-        expected = clean(maps[:, SEEN.ravel()], SEEN)
-        assert np.array_equal(cleaned.residual, expected.residual)
-        assert np.array_equal(cleaned.separation.sources, expected.separation.sources)
 
     def test_shell(self, path, maps, tmp_path):
         words = ["--method", "gmca", "-p", "n_scales=3", "--keep-peaks", "-o", tmp_path / "c.fits"]

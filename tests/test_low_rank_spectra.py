@@ -94,19 +94,6 @@ class TestDifference:
 
 
 class TestLowRankCube:
-    def test_sum_and_difference(self, error, rng):
-        other = LowRankCube(spectra=rng.standard_normal((6, 2)), maps=rng.standard_normal((2, 3000)))
-        lines = error.lines(slice(None))
-        assert (error + -other).lines(slice(None)) == pytest.approx(lines - other.lines(slice(None)))
-        assert error.of_channels(slice(4, 5)).lines(slice(None)) == pytest.approx(lines[4:5])
-        assert error.cube() == pytest.approx(lines, rel=1e-5, abs=1e-5)
-        assert error.cube().dtype == np.float32
-
-    def test_subtract_from_a_cube(self, truth, error):
-        means = np.arange(6.0)
-        expected = truth - error.lines(slice(None)) - means[:, None]
-        assert error.subtract_from(truth, means) == pytest.approx(expected, abs=1e-4)
-
     def test_truncate(self, error, rng):
         """Orthonormal spectra, the brightest first, no channel means, and no more terms than there are."""
         twice = error + LowRankCube(spectra=error.spectra[:, :1], maps=1e-9 * rng.standard_normal((1, 3000)))
@@ -198,9 +185,3 @@ class TestPair:
         expected = angular_power(faint + 100, mask=mask)
         inside = (expected.degrees > 10) & (expected.degrees < 2 * NSIDE)
         assert found.mean[inside] == pytest.approx(expected.mean[inside], rel=5e-3)
-
-    def test_a_difference_of_full_rank(self, rng):
-        """Noise in every channel is no short sum of spectra: nothing is left out."""
-        truth, noise = rng.standard_normal((2, 6, 12 * NSIDE**2)).astype(np.float32)
-        found, _ = spectra_of(truth + noise, truth)
-        assert found.cl[:, 2:] == pytest.approx(angular_power(truth + noise).cl[:, 2:], rel=1e-3)

@@ -8,7 +8,7 @@ from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import centred
-from himap.removal import create, harmonic
+from himap.removal import harmonic
 from himap.removal.analysis import cube_modes, inpainted_maps
 from himap.removal.beam_subspace import BeamSubspace, inner_weights
 from himap.removal.data import Data
@@ -20,11 +20,6 @@ LATITUDE = sphere.pixel_latitude(NSIDE)
 CUT = np.abs(LATITUDE) > 15
 GIVEN = {"freqs": FREQS, "beams": BEAMS}
 METHOD = BeamSubspace(n_sources=4)
-OPTIONS = {
-    "polynomial": {"order": 3},
-    "parametric": {},
-    "sdecgmca": {"n_sources": 2, "noise": 0.1, "n_warmup": 5, "n_refinement": 2},
-}
 
 
 @pytest.fixture
@@ -73,21 +68,6 @@ class TestExactness:
 
 
 class TestBlindness:
-    @pytest.mark.parametrize(
-        "name", ["beam_subspace", "pca", "fastica", "gmca", "sdecgmca", "polynomial", "parametric"]
-    )
-    def test_what_is_outside_does_not_count(self, name, problem, rng):
-        maps = noisy(problem[0], 30, rng) + 100
-        method = create(name, **OPTIONS.get(name, {"n_sources": 2}))
-
-        def left(maps):
-            cleaned = method.clean(maps, **GIVEN, mask=CUT, rng=np.random.default_rng(1))
-            assert cleaned.separation.sources.shape[1] == len(CUT)
-            return cleaned.residual
-
-        one, two = left(maps), left(np.where(CUT, maps, np.nan))
-        assert np.array_equal(one, two) and not one[:, ~CUT].any() and np.isfinite(one).all()
-
     def test_separating_on_other_maps(self, problem, rng):
         maps = noisy(problem[0], 30, rng).astype(np.float32)
         more = rng.standard_normal(maps.shape).astype(np.float32)

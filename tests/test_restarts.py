@@ -30,12 +30,8 @@ def planted(rng):
 
     def plant(restart=0, error=0.0):
         method = SimpleNamespace(name="chaotic", restart=restart)
-        one = Cleaning(data=data, method=method)
-        vars(one)["separation"] = Separation(
-            mixing=mixing,
-            sources=sources - error,
-            means=np.zeros(N_CHANNELS),
-        )
+        one, means = Cleaning(data=data, method=method), np.zeros(N_CHANNELS)
+        vars(one)["separation"] = Separation(mixing=mixing, sources=sources - error, means=means)
         return one
 
     plant.follows = 3 * sources / sources.std()
@@ -43,55 +39,40 @@ def planted(rng):
     return plant
 
 
-def planted_ensemble(plant):
+@pytest.fixture
+def ensemble(planted):
     """Restart 2 is between the others; 4 has foreground in it, 5 an error that is the same everywhere."""
-    small = [0.1 * k * plant.anywhere for k in (0, 2, 1)]
-    return Ensemble(
-        members=(
-            *(plant(restart, error) for restart, error in enumerate(small)),
-            plant(3, small[2]),
-            plant(4, plant.follows),
-            plant(5, 2 * plant.anywhere),
-        )
-    )
+    errors = [0.1 * k * planted.anywhere for k in (0, 2, 1, 1)]
+    errors += [planted.follows, 2 * planted.anywhere]
+    return Ensemble(members=tuple(planted(restart, error) for restart, error in enumerate(errors)))
 
 
 class TestEnsemble:
-    def test_distances_are_those_of_the_residuals(self, planted):
-        ensemble = planted_ensemble(planted)
+    def test_distances_are_those_of_the_residuals(self, ensemble):
         residuals = [member.residual.astype(float) for member in ensemble.members]
         for i, j in ((0, 1), (2, 3), (0, 4), (5, 1)):
             rms = np.sqrt(np.mean((residuals[i] - residuals[j]) ** 2))
             assert ensemble.distances[i, j] == ensemble.distances[j, i] == pytest.approx(rms, abs=1e-4)
 
-    def test_the_medoid_is_among_those_that_agree(self, planted):
-        """Restarts 2 and 3 are the same, and the first of two is taken."""
-        assert planted_ensemble(planted).medoid_index == 2
-
-    def test_flags(self, planted):
-        ensemble = planted_ensemble(planted)
+    def test_medoid_and_flags(self, ensemble):
+        """Restarts 2 and 3 are the same, and the first of the two is the medoid."""
+        assert ensemble.medoid_index == 2
         assert ensemble.flags == [[], [], [], [], ["contrast", "distance"], ["distance"]]
         assert [one["distance"] for one in ensemble.values[2:4]] == pytest.approx([0, 0], abs=1e-9)
-        assert ensemble.values[5]["distance"] == pytest.approx(1.9 * rms_of_error(), rel=0.1)
+        rms = np.sqrt(np.mean((FREQS / 1000) ** -5.4))  # of the error that is the same everywhere
+        assert ensemble.values[5]["distance"] == pytest.approx(1.9 * rms, rel=0.1)
 
-    def test_what_is_said(self, planted):
+    def test_what_is_said(self, ensemble):
         """The way out comes where half look failed, or the medoid does."""
-        ensemble = planted_ensemble(planted)
         (said,) = ensemble.remarks
         assert "restart 2, the medoid of 6, of which 2 look failed: the residual is strong where" in said
         assert "brightest (restart 4), the residual is far from that of the medoid (restart 4, 5)." in said
         assert "beam_subspace" in Ensemble(members=ensemble.members[3:]).remarks[1]
 
-    def test_no_cube_of_a_member_is_kept(self, planted):
-        ensemble = planted_ensemble(planted)
+    def test_no_cube_of_a_member_is_kept(self, ensemble):
         _ = ensemble.flags
         kept = ["residual" in vars(member) for member in ensemble.members]
         assert kept == [k == ensemble.medoid_index for k in range(6)]
-
-
-def rms_of_error():
-    """Of the error that is the same everywhere, in units of the residual's."""
-    return np.sqrt(np.mean((FREQS / 1000) ** -5.4))
 
 
 def test_contrast(rng, planted):

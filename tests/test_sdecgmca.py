@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gmca_twin import mixing_error
 from sparse_problem import BEAMS, LMAX, NSIDE, make_problem, noisy
 
 from himap.core.errors import InputError
@@ -14,7 +15,7 @@ from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.data import Data
 from himap.removal.sdecgmca.method import SDecGMCA, Step
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
-from himap.removal.sdecgmca.scales import Scales, deviation, ranked, shrink
+from himap.removal.sdecgmca.scales import Scales, deviation, ranked
 
 FREQS = np.linspace(900, 1400, 8)
 QUICK = {"n_sources": 4, "n_warmup": 10, "n_refinement": 5, "noise": 0.5, "n_scales": 3}
@@ -27,13 +28,6 @@ def problem(rng):
 
 def clean(method, maps, **options):
     return method.clean(maps, freqs=FREQS, beams=options.pop("beams", BEAMS), **options)
-
-
-def mixing_criterion(found, true):
-    """Mean |entry| of P A_found^+ A_true - 1, over all orders P and signs of the columns (C21, Eq. 30)."""
-    product = np.abs(np.linalg.pinv(found) @ true)
-    eye = np.eye(len(product))
-    return min(np.abs(product[list(p)] - eye).mean() for p in itertools.permutations(range(len(product))))
 
 
 class TestSeparation:
@@ -64,7 +58,7 @@ class TestSeparation:
         noise = (seen - maps).std()
         method = SDecGMCA(n_sources=4, reading="code", regularisation=0.5, share=0.9, n_scales=3, noise=noise)
         found = clean(method, seen, beams=beams).separation
-        assert mixing_criterion(found.mixing, mixing) < 0.1
+        assert mixing_error(found.mixing, mixing) < 0.1
         product = np.linalg.pinv(found.mixing) @ mixing
         match = np.abs(product).argmax(axis=0)
         recovered = harmonic.to_modes(sphere.analyse(found.sources, 64))[match]
@@ -122,21 +116,6 @@ class TestRestarts:
         assert np.array_equal(mixings[1], mixings[3])
         for one, two in itertools.combinations(mixings[:3], 2):
             assert 0 < np.abs(one - two).max() < 1e-3
-
-    def test_methods_with_one_iteration_share_it(self, problem, rng, monkeypatch):
-        """The last S in five ways, with one fit; what changes the iteration has a fit of its own."""
-        fits, fit = [], SDecGMCA._fit
-        monkeypatch.setattr(SDecGMCA, "_fit", lambda self, data: fits.append(self) or fit(self, data))
-        data = Data.of(noisy(problem[0], 10, rng), freqs=FREQS, beams=BEAMS)
-        method = SDecGMCA(**QUICK, reading="code")
-        others = {"last_floor": 1e-14, "beyond": "projection", "last": "once", "last_coefficients": "matrix"}
-        foregrounds = [
-            replace(method, **{name: value}).separate(data).foreground for name, value in others.items()
-        ]
-        assert len(foregrounds) == 4 and len(fits) == 1
-        for option in ({"restart": 1}, {"floor": 1e-14}, {"n_sources": 3}):
-            replace(method, **option).separate(data)
-        assert len(fits) == 4
 
     def test_diagnostics(self, problem, rng):
         separation = clean(SDecGMCA(**QUICK), noisy(problem[0], 10, rng)).separation
@@ -229,19 +208,3 @@ def test_ranks_and_deviations_are_those_of_numpy(rng, n):
         assert ranked(values, rank) == np.sort(values)[rank]
     expected = np.median(np.abs(values - np.median(values))) / 0.6735
     assert deviation(values) == pytest.approx(expected, rel=1e-14)
-
-
-def test_thresholds_keep_a_share_and_a_least_number(rng):
-    values = np.array([5.0, -4.0, 3.0, -2.0, 1.0, 0.5])
-    empty = np.zeros(6)
-
-    def shrunk(cut, share, least_kept, last=empty, reweighted=False):
-        scale = values.copy()
-        shrink(scale, cut, share, least_kept, last, reweighted)
-        return scale
-
-    assert list(shrunk(1.5, 1.0, 0)) == [3.5, -2.5, 1.5, -0.5, 0, 0]
-    assert list(shrunk(1.5, 0.5, 0)) == [1, -4, 0, 0, 0, 0]  # two of four; the second is the threshold
-    assert list(shrunk(1.5, 0.1, 0)) == [0] * 6
-    assert list(shrunk(1.5, 0.1, 3)) == [2, -1, 3, 0, 0, 0]
-    assert list(shrunk(1.0, 1.0, 0, np.full(6, 3.0), True)) == [4.75, -3.75, 2.75, -1.75, 0.75, 0.25]

@@ -19,16 +19,10 @@ SILENT = (
             {"reading": "instrument-noise"},
             f"SDecGMCA has the reading “instrument-noise”: the paper's text {SILENT}{ENDS}",
         ),
-        (of_sdecgmca, {"reading": "letter"}, f"SDecGMCA has the reading “letter”: the paper's text{ENDS}"),
         (
             of_sdecgmca,
             {"reading": "letter", "sign": "free"},
             f"“letter”: the paper's text except for sign of A (as it comes){ENDS}",
-        ),
-        (
-            of_sdecgmca,
-            {"reading": "instrument-noise", "sign": "free"},
-            f"the paper's text except for sign of A (as it comes) {SILENT}{ENDS}",
         ),
         (
             of_sdecgmca,
@@ -46,22 +40,15 @@ SILENT = (
             {"reading": "letter", "beyond": "projection"},
             "it is continued beyond ℓ = 128 without regularisation",
         ),
-        (of_sdecgmca, {"reading": "letter", "lmax": 30}, "it ends at ℓ = 30 and"),
         (
             in_short,
             {},
             "“default” (the text except for 7 choices, with floor = 1e-09, last = repeated), continued",
         ),
-        (in_short, {"reading": "letter"}, "SDecGMCA: reading “letter” (the text), up to ℓ = 128"),
         (
             in_short,
             {"reading": "letter", "sign": "free", "lmax": 30},
             "(the text except for sign = free), up to ℓ = 30",
-        ),
-        (
-            in_short,
-            {"reading": "code"},
-            "the text except for 6 choices, with floor = 1e-09, last_floor = 1e-09",
         ),
         (
             in_short,

@@ -15,7 +15,6 @@ from himap.removal.smooth_spectra import (
     SmoothSpectra,
     faint_covariance,
     log_fit,
-    multipole_bands,
     shrunk_variance,
     smooth_basis,
 )
@@ -43,13 +42,6 @@ def power_ratio(residual, truth, low, high):
 
 
 class TestSteps:
-    @pytest.mark.parametrize("lmax", [3, 4, 7, 23, 191, 767])
-    def test_bands_hold_every_multipole_once(self, lmax):
-        bands = multipole_bands(lmax)
-        assert [degree for first, last in bands for degree in range(first, last + 1)] == list(range(lmax + 1))
-        widths = [last - first + 1 for first, last in bands]
-        assert min(widths) >= min(5, lmax + 1)
-
     def test_power_laws_are_smooth(self):
         """Six functions hold any index that there is to the last digit of float32, five nearly so."""
         spectra = (FREQS / 1150)[:, None] ** np.linspace(-3.5, -2, 7)
@@ -67,13 +59,7 @@ class TestSteps:
         cosine = (1 - ratio / variance**2) / (1 + ratio / variance)
         assert shrunk_variance(np.array([sample]), ratio) == pytest.approx([variance * cosine])
 
-    def test_noise_alone_does_not_stand_out(self):
-        edge = (1 + np.sqrt(0.1)) ** 2
-        found = shrunk_variance(np.array([0.3, 1.0, edge, edge + 1e-6, edge + 0.1]), 0.1)
-        assert (found[:3] == 0).all()
-        assert 0 < found[3] < 1e-2 < found[4]
-
-    def test_what_is_taken_is_the_mean_of_the_foreground_given_the_data(self, sky):
+    def test_what_is_removed_is_the_mean_of_the_foreground_given_the_data(self, sky):
         """F (F + C)^-1 X, with the covariances as matrices between channels."""
         linear = cleaned(sky).separation.filter
         for degree in (3, 11, 30):
@@ -84,7 +70,7 @@ class TestSteps:
 
 
 class TestHI:
-    def test_without_a_foreground_nothing_much_is_taken(self, rng):
+    def test_without_a_foreground_hardly_anything_is_removed(self, rng):
         sky = make_sky(rng, brightness=1e-9)
         for n_sources in (3, 6):
             found = cleaned(sky, n_sources=n_sources)
@@ -95,13 +81,11 @@ class TestHI:
         for low, high in ((5, 9), (10, 19), (20, 30)):
             ratios = [power_ratio(one, sky.truth, low, high) for one in (three, six)]
             assert ratios[1] == pytest.approx(ratios[0], abs=0.02)
-
-    def test_of_a_method_that_fits_spectra_they_do(self, sky):
-        """So the test above is none that any method passes."""
-        three, six = (
+        fitted = (
             BeamSubspace(n_sources=n).clean(sky.maps, freqs=FREQS, beams=BEAMS).residual for n in (3, 6)
         )
-        assert power_ratio(three, sky.truth, 5, 9) - power_ratio(six, sky.truth, 5, 9) > 0.1
+        three, six = (power_ratio(one, sky.truth, 5, 9) for one in fitted)
+        assert three - six > 0.1  # of a method that fits spectra they do
 
     def test_it_loses_no_more_than_a_projection_on_the_true_spectra(self, sky):
         """Which no method that fits spectra to the data can keep more than."""
@@ -179,14 +163,6 @@ class TestLogFit:
         given = np.array([1.0, -4.0, 2.0, 0.5])
         assert log_fit(design, np.exp(design @ given)) == pytest.approx(given)
 
-    def test_scatter_is_no_bias(self, rng):
-        """The score of the likelihood vanishes; a fit to logarithms would be low by 0.27."""
-        design = np.polynomial.legendre.legvander(np.linspace(-1, 1, 20000), 2)
-        values = np.exp(design @ [0.3, 1.0, -2.0]) * rng.gamma(2, 0.5, size=len(design))
-        found = log_fit(design, values)
-        assert design.T @ (values * np.exp(-design @ found) - 1) == pytest.approx(0, abs=1e-4)
-        assert found == pytest.approx([0.3, 1.0, -2.0], abs=0.03)
-
 
 class TestCovariance:
     @pytest.mark.parametrize("bend", [0.07, 0.15, 0.5, 1e3])
@@ -196,7 +172,7 @@ class TestCovariance:
         found = faint_covariance(given, CHANNELS, 3)
         assert np.linalg.norm(found - given) < 0.06 * np.linalg.norm(given)
 
-    def test_what_is_smooth_is_told_from_the_rest(self):
+    def test_what_is_smooth_is_separated_from_the_rest(self):
         """Of HI without a constant and a slope as much in smooth spectra as of HI."""
         axes = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, N), 3))[0]
         without = np.eye(N) - axes[:, :2] @ axes[:, :2].T
@@ -220,10 +196,5 @@ class TestCovariance:
         """Distances count, not numbers of channels."""
         kept = np.delete(np.arange(N), [20, 21, 41])
         found = faint_covariance(stationary()[np.ix_(kept, kept)], CHANNELS[kept], 3)
-        whole = faint_covariance(stationary(), CHANNELS, 3)[np.ix_(kept, kept)]
-        assert np.abs(found - whole).max() < 0.1
-
-    @pytest.mark.parametrize("n_channels", [3, 4, 8])
-    def test_few_channels_do(self, n_channels):
-        found = faint_covariance(np.eye(n_channels), np.linspace(900, 1400, n_channels), 2)
-        assert found == pytest.approx(np.eye(n_channels), abs=1e-6)
+        expected = faint_covariance(stationary(), CHANNELS, 3)[np.ix_(kept, kept)]
+        assert np.abs(found - expected).max() < 0.1

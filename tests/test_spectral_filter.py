@@ -56,19 +56,8 @@ class TestFilter:
         expected = linear.spectra[0] @ linear.estimators[0] @ maps
         assert foreground(linear, maps) == pytest.approx(expected, abs=1e-5)
 
-    def test_covariance_of_the_band(self, rng):
-        linear = some_filter(rng, 3, 12)
-        assert [linear.faint_at(degree)[0, 0] for degree in (0, 4, 5, 12)] == [1, 1, 2, 2]
-
 
 class TestBeams:
-    def test_through_equal_beams_it_is_a_projection_of_channels(self, rng):
-        maps = rng.standard_normal((8, 12 * NSIDE**2)).astype(np.float32)
-        space = rng.standard_normal((8, 2))
-        expected = space @ np.linalg.lstsq(space, maps)[0]
-        found = through_beams(maps, space, np.ones((8, 3 * NSIDE)), cube_modes(maps)).cube()
-        assert found == pytest.approx(expected, abs=1e-5)
-
     def test_against_every_mode_by_itself(self, problem, rng):
         """Least squares for every (l, m), without the common basis, on noise that the transform can hold."""
         _, mixing, _ = problem

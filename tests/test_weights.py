@@ -10,7 +10,7 @@ from himap.removal import available, create, weighted_pca
 from himap.removal.base import REGISTRY
 from himap.removal.data import Data
 from himap.removal.pca import PCA
-from himap.removal.peaks import least_channels, mask_peaks
+from himap.removal.peaks import mask_peaks
 from himap.removal.polynomial import Polynomial
 
 N_PIX = 300
@@ -65,12 +65,6 @@ class TestPixelWeights:
         plain = PCA().clean(sky[:, 50:], freqs=FREQS)
         assert np.abs(weighted.residual[:, 50:] - plain.residual).max() > 0.1
 
-    def test_axes_are_those_of_numpys_weighted_covariance(self, sky, hits):
-        covariance = np.cov(sky, aweights=hits)
-        axes = np.linalg.eigh(covariance)[1][:, ::-1][:, :2]
-        found = PCA(n_sources=2).separate(Data.of(sky, freqs=FREQS, weights=hits)).mixing
-        assert np.abs(axes.T @ found) == pytest.approx(np.eye(2), abs=1e-4)
-
     def test_polynomials_do_not_feel_them(self, sky, hits):
         one, two = (Polynomial(order=3).clean(sky, freqs=FREQS, weights=w) for w in (None, hits))
         assert np.array_equal(one.residual, two.residual)
@@ -101,25 +95,6 @@ class TestAll:
         assert one.foreground == pytest.approx(found, rel=1e-5)
         assert (one.residual + one.foreground)[~flags] == pytest.approx(sky[~flags], rel=1e-6)
 
-    def test_with_a_mask(self, name, sky, hits, flags):
-        """As if the lines of sight that are kept were alone; whole pixels without hits are not kept."""
-        weights, kept = np.where(flags, 0, hits), np.arange(N_PIX) > 40
-        weights[:, 100:110] = 0
-        both = clean(name, sky, weights, mask=kept)
-        seen = kept & weights.any(axis=0)
-        alone = clean(name, sky[:, seen], weights[:, seen])
-        assert np.array_equal(both.residual[:, seen], alone.residual)
-        assert not both.residual[:, ~seen].any() and not both.foreground[:, ~seen].any()
-
-    def test_separating_on_other_maps(self, name, sky, foreground, hits, flags):
-        weights = np.where(flags, 0, hits)
-        other = clean(name, sky + 50, weights, separate_on=foreground)
-        alone = clean(name, foreground, weights)
-        assert other.separation.sources == pytest.approx(alone.separation.sources, rel=1e-9)
-        assert other.residual[~flags] == pytest.approx(
-            (sky + 50 - alone.foreground)[~flags], abs=6e-7 * float(sky.max())
-        )
-
 
 class TestVoxelWeights:
     def test_a_low_rank_sky_is_recovered_where_it_is_missing(self, foreground, flags):
@@ -129,15 +104,6 @@ class TestVoxelWeights:
         assert cleaned.separation.converged
         assert np.abs(cleaned.foreground - foreground).max() < 3e-7 * foreground.max()
         assert np.abs(cleaned.residual).max() < 3e-7 * foreground.max()
-
-    @pytest.mark.parametrize("faintest", [1.0, 1e-4])
-    def test_any_low_rank_sky(self, flags, rng, faintest):
-        """Rough spectra, sources that are not alike: to 1e-14 in the rms, the worst voxel to 1e-11."""
-        spectra = rng.standard_normal((len(FREQS), 3))
-        maps = spectra @ (np.geomspace(1, faintest, 3)[:, None] * rng.standard_normal((3, N_PIX)))
-        found = weighted_pca.weighted_components(np.where(flags, 0, maps), (~flags).astype(float), 3)
-        assert found.converged
-        assert np.abs(model_of(found) - maps).max() < 1e-11 * np.abs(maps).max()
 
     @pytest.mark.parametrize("seed", range(3))
     def test_a_sky_whose_spectra_are_nearly_one(self, seed):
@@ -182,12 +148,8 @@ class TestVoxelWeights:
         assert model_of(found) == pytest.approx(scaled.foreground.lines(slice(None)) / roots, abs=1e-8)
         assert found.n_iterations <= 3
         assert found.mixing.T @ found.mixing == pytest.approx(np.eye(2), abs=1e-12)
-
-    def test_those_of_pixels_told_by_voxels(self, sky, hits):
-        sky -= np.average(sky, axis=1, weights=hits)[:, None]
-        one = weighted_pca.weighted_components(sky, hits.astype(float), 3)
-        two = weighted_pca.weighted_components(sky, np.tile(hits, (len(FREQS), 1)).astype(float), 3)
-        assert model_of(two) == pytest.approx(one.foreground.lines(slice(None)), abs=1e-6)
+        variances = np.var(found.sources, axis=1)
+        assert variances[0] > variances[1] and abs(np.corrcoef(found.sources)[0, 1]) < 0.01
 
     def test_blocks_of_pixels_change_nothing(self, sky, flags, monkeypatch):
         one = PCA().separate(Data.of(sky, freqs=FREQS, weights=~flags)).sources
@@ -228,16 +190,6 @@ class TestPolynomials:
         again = NumpyPolynomial.fit(freqs[~out], line[~out], 4, w=np.sqrt(weights[~out]), domain=fit.domain)
         assert np.flatnonzero(out).tolist() == [30] and np.array_equal(found.flagged[:, 0], out)
         assert found.maps[30, 0] == pytest.approx(again(freqs[30]), rel=1e-6)
-
-    @pytest.mark.parametrize("n_channels, order, n_sigma", [(63, 6, 5.0), (30, 3, 2.0), (9, 7, 5.0)])
-    def test_least_channels_by_trying(self, n_channels, order, n_sigma):
-        """So many leave order + 2 when as many as can stand out do; one fewer does not."""
-
-        def left(n):
-            return n - max(m for m in range(n) if m == 0 or m * n_sigma**2 < n)
-
-        least = least_channels(n_channels, order, n_sigma)
-        assert left(least) >= order + 2 and (least == order + 2 or left(least - 1) < order + 2)
 
     def test_a_bright_sky_keeps_its_digits(self, flags, rng):
         """A polynomial of 1e9 mK is fitted to 1e-6 mK, the edge of the band missing."""

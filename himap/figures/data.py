@@ -57,24 +57,22 @@ def with_maps(figure, maps, units):
     -----
     The file holds ``maps`` (n_maps, n_pix), ``titles``, ``units``, ``ordering`` and ``coordinates``.
     """
-    coarse = [_coarse(np.asarray(pixels, dtype=np.float64)) for pixels in maps.values()]
+    kept = []
+    for pixels in maps.values():
+        pixels = np.asarray(pixels, dtype=np.float64)
+        if sphere.nside_of(pixels) > NSIDE:  # means of the pixels that have a value
+            has_value = np.isfinite(pixels)
+            share = sphere.change_resolution(has_value.astype(np.float64), NSIDE)
+            mean = sphere.change_resolution(np.where(has_value, pixels, 0), NSIDE)
+            pixels = np.divide(mean, share, out=np.full(len(mean), np.nan), where=share > 0)
+        kept.append(pixels)
     labels = {"titles": list(maps), "units": list(units), "ordering": "RING", "coordinates": "Galactic"}
-    return _with_arrays(figure, maps=np.stack(coarse), **labels)
+    return _with_arrays(figure, maps=np.stack(kept), **labels)
 
 
 def with_image(figure, values, *, x, y, unit):
     """The figure with an image (n_y, n_x) over `x` and `y`; all three are in the file under these names."""
     return _with_arrays(figure, values=values, x=x, y=y, unit=unit)
-
-
-def _coarse(pixels):
-    """A map at `NSIDE` or coarser: means of the pixels that have a value."""
-    if sphere.nside_of(pixels) <= NSIDE:
-        return pixels
-    has_value = np.isfinite(pixels)
-    share = sphere.change_resolution(has_value.astype(np.float64), NSIDE)
-    mean = sphere.change_resolution(np.where(has_value, pixels, 0), NSIDE)
-    return np.divide(mean, share, out=np.full(len(mean), np.nan), where=share > 0)
 
 
 def _with_arrays(figure, **arrays):

@@ -163,19 +163,15 @@ def show_table(rows, *, head="", columns=None):
     """
     names = list(dict.fromkeys(name for entries in rows.values() for name in entries))
     step = columns or len(names) or 1
-    tables = [_table(rows, names[start : start + step], head) for start in range(0, len(names) or 1, step)]
+    tables = []
+    for start in range(0, len(names) or 1, step):
+        some, cells = names[start : start + step], []
+        for row, entries in rows.items():
+            numbers = (_cell(f"{row}, {name}", entries.get(name, "")) for name in some)
+            cells.append([row, *(" ".join(number).strip() for number in numbers)])
+        tables.append(Table([head, *some], cells, align="l" + "r" * len(some)))
     tables[-1].note = _note(entry for entries in rows.values() for entry in entries.values())
     return tables[0] if len(tables) == 1 else _Parts(tables)
-
-
-def _table(rows, names, head):
-    """The columns `names` of `show_table`."""
-    cells = []
-    for row, entries in rows.items():
-        here = {name: entry for name, entry in entries.items() if name in names}
-        numbers = {name: " ".join(_cell(f"{row}, {name}", entry)).strip() for name, entry in here.items()}
-        cells.append([row, *(numbers.get(name, "") for name in names)])
-    return Table([head, *names], cells, align="l" + "r" * len(names))
 
 
 def quote(**numbers):

@@ -58,7 +58,7 @@ def _patch(box):
 
 @drawn(CURVES | {"axes.grid": False})
 def sky_maps(maps, *, box=None, columns=2, unit="mK", log=False, limits=None, span=None, diverging=False):
-    """A figure of maps, {title: (n_pix,)}; each has its own colour bar.
+    """A figure of maps, {title: (n_pix,)}; each has a colour bar.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def sky_maps(maps, *, box=None, columns=2, unit="mK", log=False, limits=None, sp
         Galactic, RING; NaN where there is nothing.
     box
         The part that is shown: (lowest, highest) right ascension and (lowest, highest) declination, deg; the
-        former may be negative, or more than 360. None for the whole sky, in Mollweide projection.
+        former may be negative, or more than 360. None for the full sky, in Mollweide projection.
     columns
         Of maps.
     unit, log, limits, span, diverging
@@ -134,48 +134,39 @@ def spectrum(panels):
         A list of dicts: "title"; "xlabel", "ylabel", "ratio_label"; "true", a spectrum (x, y); "curves", a
         list of (style, x, recovered, true) with styles of `himap.figures.styles`, spectra (n,), or
         (n_members, n) of an ensemble, which is drawn as in `lines`. Curves of one label are the same in all
-        panels: where these or they are many, one legend stands above.
+        panels: where these or they are many, one legend is above.
     """
     one_scale = len({panel["ylabel"] for panel in panels}) == 1
     many = len(panels) > 2 or max(len(panel["curves"]) for panel in panels) > 2
-    shown = [_shown(panel) for panel in panels]
-    limits = ratio_limits([ratio for _, curves in shown for *_, ratio in curves], least=2 * _BAND)
     share = {"sharex": "col", "sharey": "row" if one_scale else "none"}
     figure, grid = plt.subplots(2, len(panels), figsize=(_WIDTH, 6.2), squeeze=False, **share)
-    points = []
-    for (top, bottom), panel, ((x, y), curves) in zip(grid.T, panels, shown, strict=True):
+    points, drawn_ratios = [], []
+    for (top, bottom), panel in zip(grid.T, panels, strict=True):
+        x, y = (values[panel["true"][0] > 0] for values in panel["true"])
         top.loglog(x, y, **_TRUTH)
         _mark_one(bottom, "0.9")
-        for style, at, recovered, ratio in curves:
-            _draw_curve(top, at, recovered, style)
-            _draw_curve(bottom, at, ratio, style)
+        points.append((panel["title"], _TRUTH["label"], *panel["true"]))
+        for style, at, recovered, true in panel["curves"]:
+            points += _points(panel, at, recovered, style)
+            if not np.array_equal(np.atleast_2d(true)[0], panel["true"][1]):
+                points += _points(panel, at, true, style | {"label": f"{style['label']}: truth"})
+            drawn_ratios.append((recovered / true)[..., at > 0])
+            _draw_curve(top, at[at > 0], recovered[..., at > 0], style)
+            _draw_curve(bottom, at[at > 0], drawn_ratios[-1], style)
         top.set_title(panel["title"])
         bottom.set(xlabel=panel["xlabel"], xscale="log")
-        set_ratio_axis(bottom, limits)
         set_plain_ticks(bottom.xaxis, x[0], x[-1])
         if not many:
             top.legend()
         if panel is panels[0] or not one_scale:
             top.set_ylabel(panel["ylabel"])
             bottom.set_ylabel(panel["ratio_label"])
-        points.append((panel["title"], _TRUTH["label"], *panel["true"]))
-        for style, at, recovered, true in panel["curves"]:
-            points += _points(panel, at, recovered, style)
-            if not np.array_equal(np.atleast_2d(true)[0], panel["true"][1]):
-                points += _points(panel, at, true, style | {"label": f"{style['label']}: truth"})
+    limits = ratio_limits(drawn_ratios, least=2 * _BAND)
+    for bottom in grid[1]:
+        set_ratio_axis(bottom, limits)
     if many:  # no room inside the panels
         legend_above_all(figure)
     return with_curves(figure, points)
-
-
-def _shown(panel):
-    """What a panel of `spectrum` shows: the true (x, y), and [(style, x, recovered, ratio)] of its curves."""
-
-    def positive(x, *values):
-        return [one[..., x > 0] for one in (x, *values)]
-
-    curves = [(style, *positive(x, found, found / true)) for style, x, found, true in panel["curves"]]
-    return positive(*panel["true"]), curves
 
 
 def _mark_one(axes, grey):
@@ -198,22 +189,18 @@ def comparison_panel(kind, curves, *, title="", true=None):
     true
         The `Comparison` whose truth is drawn; that of the first curve unless given.
     """
-    x = {"angular": "degrees", "frequency": "k"}[kind]
+    x, shown = {"angular": "degrees", "frequency": "k"}[kind], []
     truth = np.ravel(curves[0][1])[0] if true is None else true
-    return AXES[kind] | {
-        "title": title,
-        "true": (getattr(truth, x), getattr(truth, f"true_{kind}")),
-        "curves": [(style, *_members(np.ravel(found), x, kind, f"true_{kind}")) for style, found in curves],
-    }
-
-
-def _members(comparisons, x, *names):
-    """x, and spectra of a `Comparison` (n,), or of several (n_members, n) at the fewest x."""
-    at = min((getattr(one, x) for one in comparisons), key=len)  # masks differ, and so do the bins of l
-    spectra = [
-        np.array([np.interp(at, getattr(one, x), getattr(one, y)) for one in comparisons]) for y in names
-    ]
-    return at, *(one[0] if len(comparisons) == 1 else one for one in spectra)
+    for style, members in curves:
+        members = np.ravel(members)
+        at = min((getattr(one, x) for one in members), key=len)  # masks differ, and so do the bins of l
+        spectra = [
+            np.array([np.interp(at, getattr(one, x), getattr(one, y)) for one in members])
+            for y in (kind, f"true_{kind}")
+        ]
+        shown.append((style, at, *(one[0] if len(members) == 1 else one for one in spectra)))
+    true = getattr(truth, x), getattr(truth, f"true_{kind}")
+    return AXES[kind] | {"title": title, "true": true, "curves": shown}
 
 
 @drawn(CURVES)
@@ -232,7 +219,7 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
     columns, size
         Of panels, inches.
     legend_above
-        Whether one legend of all panels stands above them; curves of one label are the same in all.
+        Whether one legend of all panels is above them; curves of one label are the same in all.
     """
     figure, grid = subplots(len(panels), columns, size)
     points = []
@@ -255,11 +242,12 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
             set_plain_ticks(axes.xaxis, low, high)
         if axes.get_legend_handles_labels()[1] and not legend_above:
             axes.legend(**({"fontsize": 8.5} | panel.get("legend", {})))
-        points += [
-            point
-            for x, y, style in [*curves, *markers, *_percentiles(bundles)]
-            for point in _points(panel, x, y, style)
-        ]
+        for x, y, style in [*curves, *markers]:
+            points += _points(panel, x, y, style)
+        for x, ys, style in bundles:
+            kept = np.percentile(ys, _PERCENTILES, axis=0) if len(ys) else ()
+            for percent, values in zip(_PERCENTILES, kept, strict=False):
+                points += _points(panel, x, values, {"label": f"{style.get('label', '')}: {percent} %"})
     if legend_above:
         legend_above_all(figure)
     return with_curves(figure, points)
@@ -286,16 +274,6 @@ def _points(panel, x, y, style):
     return [(title, f"{label}: {name}", x, values) for name, values in [*named, *members]]
 
 
-def _percentiles(bundles):
-    """(x, y, style) of percentiles over the curves of each bundle."""
-    return [
-        (x, values, {"label": f"{style.get('label', '')}: {percent} %"})
-        for x, ys, style in bundles
-        if len(ys)
-        for percent, values in zip(_PERCENTILES, np.percentile(ys, _PERCENTILES, axis=0), strict=True)
-    ]
-
-
 @drawn(CURVES)
 def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     """A figure of ratios to the truth with the range over skies, on the axis of `himap.figures.axes`.
@@ -304,7 +282,7 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     ----------
     panels
         A list of dicts: "curves", a list of (x, mean, low, high, style), arrays (n,); and anything
-        `Axes.set` takes. Curves of one label are the same in all panels; one legend stands above.
+        `Axes.set` takes. Curves of one label are the same in all panels; one legend is above.
     columns, size
         Of panels, which share the axis of ratios.
     """

@@ -28,7 +28,7 @@ class Table:
         Sequences of cells, shown as `str` has them; the first names its row. In HTML all that is not `HTML`
         is escaped.
     align
-        "l" (left) or "r" (right) for each column; "l" for those beyond. What stands at the right is a number,
+        "l" (left) or "r" (right) for each column; "l" for those beyond. What is aligned right is a number,
         and no line of HTML breaks in it.
     note
         A line under the table.

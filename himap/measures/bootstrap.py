@@ -12,7 +12,6 @@ from operator import add
 import numpy as np
 from scipy import stats
 
-from himap.core.errors import InputError
 from himap.measures.transfer import TransferFunction, quotient
 
 KINDS = "angular", "frequency"
@@ -51,10 +50,13 @@ class Bootstrap:
         n_mocks = len(self.own.mocks)
         if self.more is self.own or n_mocks < 2:
             return True
-        removed = [
-            (one.output, more.output) for one, more in zip(self.own.mocks, self.more.mocks, strict=True)
-        ]
-        removed = self._removed_by_one_more([*removed, (residual, residual_more)])
+        pairs = [(one.output, more.output) for one, more in zip(self.own.mocks, self.more.mocks, strict=True)]
+        pairs.append((residual, residual_more))
+        total, removed = reduce(add, self.own.mocks).input, {}
+        for kind in KINDS:
+            rows = np.array([getattr(one, kind) - getattr(more, kind) for one, more in pairs])
+            removed[kind] = quotient(rows, np.broadcast_to(getattr(total, kind) / n_mocks, rows.shape))
+        removed = self.own.mocks[0].band_means(removed)
         errors = self.own.mocks[0].band_means({kind: self.own.errors(kind) for kind in KINDS})
         for band, (*members, data) in removed.items():
             excess = abs(data - np.mean(members))
@@ -63,15 +65,6 @@ class Bootstrap:
             if excess > sigma(errors[band]) and chance * len(removed) < LEVEL:
                 return False
         return True
-
-    def _removed_by_one_more(self, pairs):
-        """Band means of the differences of pairs of powers, over the mean input, {band: (n_pairs,)}."""
-        total, differences = reduce(add, self.own.mocks).input, {}
-        for kind in KINDS:
-            rows = np.array([getattr(one, kind) - getattr(more, kind) for one, more in pairs])
-            mean = np.broadcast_to(getattr(total, kind) / len(self.own.mocks), rows.shape)
-            differences[kind] = quotient(rows, mean)
-        return self.own.mocks[0].band_means(differences)
 
 
 def bootstrap_of(members):
@@ -82,16 +75,15 @@ def bootstrap_of(members):
     InputError
         No member.
     """
-    if not members:
-        raise InputError("a bootstrap needs mocks, one or more, got none.")
-    own, *more = (TransferFunction(mocks=column) for column in zip(*members, strict=True))
-    return Bootstrap(own=own, more=more[0] if more else own)
+    own = TransferFunction(mocks=tuple(first for first, *_ in members))
+    more = own if len(members[0]) == 1 else TransferFunction(mocks=tuple(second for _, second in members))
+    return Bootstrap(own=own, more=more)
 
 
 def sigma(errors):
     """68 % error bars, (...), from errors of mocks that are corrected by each other, (n_mocks, ...).
 
-    Their root mean square times Student's factor: a Gaussian is wider than few of its draws tell.
+    Their root mean square times Student's factor: a Gaussian is wider than few of its draws suggest.
     """
     return _student(len(errors)) * np.sqrt(np.mean(np.square(errors), axis=0))
 

@@ -88,23 +88,19 @@ def cylindrical_power(maps, cell, *, mask=None):
     k_perp = np.hypot(k_y[:, None], k_x)
     par_edges = _edges(k_par[1], k_par[-1])
     perp_edges = _edges(min(abs(k_y[1]), abs(k_x[1])), min(-k_y.min(), -k_x.min()))
-    rows, columns = np.digitize(k_par, par_edges) - 1, np.digitize(k_perp, perp_edges)
-    n_par, n_perp = len(par_edges) - 1, len(perp_edges) - 1
+    along = np.digitize(k_par, par_edges) == np.arange(1, len(par_edges))[:, None]  # (n_par, n_k)
+    columns, n_perp = np.digitize(k_perp, perp_edges).ravel(), len(perp_edges) - 1
 
     def across(values):
         """Sums over the modes of one k_par in every bin of k_perp."""
-        return np.bincount(columns.ravel(), values.ravel(), minlength=n_perp + 2)[1 : n_perp + 1]
+        return np.bincount(columns, values.ravel(), minlength=n_perp + 2)[1 : n_perp + 1]
 
-    total = np.zeros((n_par, n_perp))
-    for plane, row in zip(modes, rows, strict=True):
-        if 0 <= row < n_par:
-            total[row] += across(plane.real**2 + plane.imag**2)
-    in_row, in_column = np.bincount(rows[rows >= 0], minlength=n_par)[:n_par], across(np.ones(k_perp.shape))
+    total = along @ np.array([across(plane.real**2 + plane.imag**2) for plane in modes])
+    in_row, in_column = along.sum(axis=1), across(np.ones(k_perp.shape))
     n_modes = np.outer(in_row, in_column.astype(int))
-    k_sums = np.bincount(rows[rows >= 0], k_par[rows >= 0], minlength=n_par)[:n_par]
     return CylindricalPower(
         k_perp=_mean(across(k_perp), in_column),
-        k_par=_mean(k_sums, in_row),
+        k_par=_mean(along @ k_par, in_row),
         perp_edges=perp_edges,
         par_edges=par_edges,
         power=norm * _mean(total, n_modes),

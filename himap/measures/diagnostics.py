@@ -1,4 +1,4 @@
-"""How good a cleaning is, measured with the truth at hand."""
+"""How good a cleaning is, measured against the truth."""
 
 from dataclasses import dataclass, replace
 
@@ -10,15 +10,13 @@ from himap.measures.spectra import PowerSpectra
 BUMP = (0.25, 0.38)
 """k around 2 pi / 20 MHz, 1/MHz, where the ripple of the oscillating beam shows."""
 
-ANGULAR_BANDS = ((2, 4), (5, 9), (10, 19), (20, 39), (40, 99), (100, 200))
-"""Bands of l, first and last, in which ratios are averaged."""
-
 FREQUENCY_BANDS = {"0-0.03": (0, 0.03), "0.03-0.1": (0.03, 0.1), "k > 0.1": (0.1, np.inf)}
 """Bands of k, 1/MHz."""
 
-BANDS = {f"C/C0, {first}-{last}": ("angular", first - 0.5, last + 0.5) for first, last in ANGULAR_BANDS} | {
-    f"P/P0, {name}": ("frequency", *ends) for name, ends in FREQUENCY_BANDS.items()
-}
+BANDS = {
+    f"C/C0, {first}-{last}": ("angular", first - 0.5, last + 0.5)
+    for first, last in ((2, 4), (5, 9), (10, 19), (20, 39), (40, 99), (100, 200))
+} | {f"P/P0, {name}": ("frequency", *ends) for name, ends in FREQUENCY_BANDS.items()}
 """{name: ("angular" or "frequency", what l or k lie above, and below)}."""
 
 JUDGED = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "P/P0, 0.03-0.1", "P/P0, k > 0.1")

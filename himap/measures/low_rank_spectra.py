@@ -84,7 +84,7 @@ def masked_alms(maps, *, mask=None, alms=None):
     maps, mask
         As in `angular_power`; complex64 comes from maps in float32.
     alms
-        Coefficients of the maps without a mask, to 3 nside - 1, where they are at hand: if the mask keeps
+        Coefficients of the maps without a mask, to 3 nside - 1, where they are known: if the mask keeps
         most of the sky, only what it removes is transformed. That is little: plain quadrature does for it.
 
     Raises
@@ -148,7 +148,15 @@ def angular_power_pair(truth_alms, error, *, mask=None):
     if mask is not None or np.ndim(truth_alms) != 2 or len(truth_alms) != n_channels:
         _check_alms(truth_alms, (n_channels, n_pix))
     lmax = sphere.lmax_of_size(truth_alms.shape[1])
-    alms = _alms_of_error(error, weights, lmax, truth_alms)
+    zonal = truth_alms[:, : lmax + 1].real.astype(np.float64)  # those of m = 0 have no twin of negative m
+    squares = [np.vdot(alm, alm).real for alm in truth_alms]
+    variance = (2 * np.array(squares) - np.sum(zonal**2, axis=1)) / (4 * np.pi)
+    alms = np.empty((len(error.maps), truth_alms.shape[1]), dtype=np.complex64)
+    for spectrum, pixels, alm in zip(error.spectra.T, error.maps, alms, strict=True):
+        maps = weighted(pixels, weights)
+        # Of a term that is minor against the truth in every channel a rough analysis will do.
+        minor = (spectrum**2 * np.mean(maps**2) < _MINOR * variance).all()
+        alm[:] = sphere.analyse(maps.astype(np.float32), lmax, n_iter=0 if minor else sphere.N_ITER)
     pseudo = np.empty((2, n_channels, lmax + 1))
     for channels in progress(blocks(n_channels, _CHANNELS), "angular spectra"):
         true = truth_alms[channels]
@@ -156,22 +164,6 @@ def angular_power_pair(truth_alms, error, *, mask=None):
         pseudo[1, channels] = sphere.power_spectrum(true)
     power = decouple(np.concatenate(pseudo), None if mask is None else weights)
     return tuple(AngularPower(degrees=power.degrees, cl=cl) for cl in np.split(power.cl, 2))
-
-
-def _alms_of_error(error, weights, lmax, truth_alms):
-    """Coefficients of the maps of a `LowRankCube`, times weights, (n_modes, n_alm) complex64.
-
-    Of terms that are minor against the truth in every channel a rough analysis will do.
-    """
-    zonal = truth_alms[:, : lmax + 1].real.astype(np.float64)  # those of m = 0 have no twin of negative m
-    squares = [np.vdot(alm, alm).real for alm in truth_alms]
-    variance = (2 * np.array(squares) - np.sum(zonal**2, axis=1)) / (4 * np.pi)
-    alms = np.empty((len(error.maps), truth_alms.shape[1]), dtype=np.complex64)
-    for spectrum, pixels, alm in zip(error.spectra.T, error.maps, alms, strict=True):
-        maps = weighted(pixels, weights)
-        minor = (spectrum**2 * np.mean(maps**2) < _MINOR * variance).all()
-        alm[:] = sphere.analyse(maps.astype(np.float32), lmax, n_iter=0 if minor else sphere.N_ITER)
-    return alms
 
 
 def _check_alms(alms, shape):

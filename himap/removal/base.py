@@ -23,7 +23,7 @@ __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "Separation
 
 REGISTRY = {}
 
-_WHOLE = {"sphere", "neighbours"}  # uses for which the pixels of a part of the sphere are not enough
+_SPATIAL = {"sphere", "neighbours"}  # uses for which the pixels of a part of the sphere are not enough
 
 
 class SeparationWarning(UserWarning):
@@ -39,10 +39,10 @@ class ForegroundRemover(ABC):
     name
         What it is called in `removal.create`, in file names and in figures.
     uses
-        What the method needs or takes beyond maps and frequencies:
+        What the method needs or accepts beyond maps and frequencies:
 
         - "beams", "noise": those of the instrument, which must be given where it needs them;
-        - "sphere": multipoles, so the pixels are a whole HEALPix sphere, or a part that is continued to it;
+        - "sphere": multipoles, so the pixels are a full HEALPix sphere, or a part that is continued to it;
         - "neighbours": pixels around each pixel, of a HEALPix sphere as before, or of an image in the plane;
         - "weights": of pixels and voxels, where they differ; other methods refuse them.
     """
@@ -65,7 +65,7 @@ class ForegroundRemover(ABC):
         Parameters
         ----------
         maps
-            (n_channels, n_pix), mK; left as they are.
+            (n_channels, n_pix), mK; not changed.
         separate_on
             Maps of the same shape to find the foreground in, such as `maps` with their peaks masked; `maps`
             themselves unless given. The foreground is always subtracted from `maps`.
@@ -94,21 +94,21 @@ class ForegroundRemover(ABC):
                 raise InputError(f"separate_on must have the shape of maps, {shape}, got {other}.")
             basis = Data.of(separate_on, label="separate_on", **given)
         cleaning = Cleaning(data=data, method=self, basis=basis)
-        vars(cleaning)["separation"] = separation = self._separation_of(basis)
-        cleaned = Cleaned(maps=cleaning.maps, residual=cleaning.residual, separation=separation)
+        vars(cleaning)["separation"] = separation = self.separate(basis, stacklevel=3)
+        maps, residual = cleaning.maps, cleaning.residual
         if remarks := remarks_on_one(cleaning):
             warnings.warn(" ".join(remarks), SeparationWarning, stacklevel=2)
         kept = data.grid if data.image is None else data.image[given["image"]]
-        return cleaned if kept is None else cleaned.moved(lambda lines: scattered(lines, kept))
+        if kept is not None:
+            maps, residual = scattered(maps, kept), scattered(residual, kept)
+            separation = separation.moved(lambda lines: scattered(lines, kept))
+        return Cleaned(maps=maps, residual=residual, separation=separation)
 
-    def separate(self, data):
-        """Find the foreground of `Data`, a `Separation` of their pixels; errors as of `clean`."""
-        return self._separation_of(data)
-
-    def _separation_of(self, data):
+    def separate(self, data, *, stacklevel=2):
+        """The `Separation` of `Data`; errors as of `clean`, `stacklevel` as of `warnings.warn`."""
         self.check(len(data.maps))
         self.check_data(data)
-        whole = data.on_sphere() if self.uses & _WHOLE and data.image is None else data
+        whole = data.on_sphere() if self.uses & _SPATIAL and data.image is None else data
         try:
             # Sums in another order end elsewhere after many turns: one thread, so that machines with the same
             # libraries agree whatever their number of cores. Transforms keep theirs, which do not matter.
@@ -125,7 +125,7 @@ class ForegroundRemover(ABC):
             warnings.warn(
                 f"{self.name}: stopped after {found.n_iterations} iterations without converging.",
                 SeparationWarning,
-                stacklevel=3,
+                stacklevel=stacklevel,
             )
         return found if whole is data else found.moved(lambda lines: lines[:, data.grid])
 
@@ -152,7 +152,7 @@ class ForegroundRemover(ABC):
                 f"{self.name} needs beams=, the b_l of every channel, (n_channels, lmax + 1); "
                 "himap.instrument.beams makes those of the paper."
             )
-        if data.image is None and self.uses & _WHOLE:
+        if data.image is None and self.uses & _SPATIAL:
             from himap.maps import sphere
 
             sphere.nside_of(data.maps if data.grid is None else data.grid)

@@ -8,11 +8,12 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
+from himap.maps.starlets import noise_of_scales, starlet_bands, starlet_filters
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
+from himap.removal.gmca import NORMAL, share_threshold
 from himap.removal.separation import ordered
-from himap.removal.sparse_sources import SparseSources
 from himap.removal.spectral_filter import through_beams
 
 _SETTLED = 1e-4  # relative change of the misfit at which the iteration stops
@@ -113,13 +114,6 @@ class BeamSubspace(ForegroundRemover):
 
     def _settled(self, mixture, mixing, weights):
         """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
-        sparse = SparseSources(
-            mixture.lmax,
-            self.n_scales,
-            n_sigma=self.n_sigma,
-            analytic=self.thresholds == "analytic",
-            weights=weights,
-        )
         exact = _ROUNDING * np.vdot(mixture.modes, mixture.modes)
         misfit = None
         for count in progress(range(_MOST_ITERATIONS), self.name):
@@ -131,9 +125,31 @@ class BeamSubspace(ForegroundRemover):
             if settled or misfit <= exact:
                 # Turned so that the sources are uncorrelated.
                 return mixing @ np.linalg.eigh(sources @ sources.T)[1], True, count
-            kept = sparse(sources, mixture.source_noise(inverses), self.share)
+            kept = self._sparse(sources, mixture.source_noise(inverses), weights)
             mixing, _ = np.linalg.qr(mixture.corrected(mixing, residual, sources, kept))
         return mixing, False, _MOST_ITERATIONS
+
+    def _sparse(self, sources, noise, weights):
+        """Sum of the detail scales of sources, real modes (n_sources, (lmax + 1)^2), after soft thresholds.
+
+        They are made on a grid that is exact for the multipoles to lmax. `noise` is the variance of each
+        source per mode, (n_l, n_sources). `weights` of the grid, (n_grid,), multiply the coefficients.
+        """
+        lmax, kept = len(noise) - 1, np.empty_like(sources)
+        bands = starlet_bands(self.n_scales, lmax)[:-1]
+        levels = noise_of_scales(starlet_filters(self.n_scales, lmax)[:-1], noise)
+        for alm, level_of_scale, out in zip(harmonic.from_modes(sources), levels.T, kept, strict=True):
+            scales = [sphere.synthesise_grid(alm[keep] * band, lmax) for keep, band in bands]
+            for scale, level in zip(scales, level_of_scale, strict=True):
+                if weights is not None:
+                    scale *= weights
+                sizes = np.abs(scale)
+                if self.thresholds == "mad":
+                    level = NORMAL * np.median(sizes if weights is None else sizes[weights > 0])
+                limit = share_threshold(sizes, self.n_sigma * level, self.share)
+                scale -= np.clip(scale, -limit, limit)
+            out[:] = harmonic.to_modes(sphere.analyse_grid(sum(scales), lmax))
+        return kept
 
 
 def inner_weights(kept, beam, lmax, *, on_grid=False):

@@ -106,11 +106,11 @@ class Cleaning:
         return self.with_method(one_more(self.method))
 
     def with_restart(self, restart):
-        """The same from another start of a method that is chaotic, such as `SDecGMCA`; 0 is its own start."""
+        """The same from another start of a method that is chaotic, such as `SDecGMCA`; 0 has no change."""
         return self.with_method(replace(self.method, restart=restart))
 
     def on(self, mask):
-        """The same of a part of a whole sphere, `mask` (n_pix,) bool."""
+        """The same of a part of a full sphere, `mask` (n_pix,) bool."""
         data = self.data.on(mask)
         return replace(self, data=data, basis=data if self.basis is self.data else self.basis.on(mask))
 

@@ -41,7 +41,7 @@ class Data:
     inside
         Of maps that go on beyond what was observed (`on_sphere`): where they were, (n_pix,) bool; else None.
     known
-        What was computed of the maps already, such as "modes", or a function that has it at hand: data with
+        What was computed of the maps already, such as "modes", or a function that makes it: data with
         other beams, noise or seed share it.
 
     Raises

@@ -18,7 +18,7 @@ class FastICA(ForegroundRemover):
 
     The `n_sources` principal components U^T X, each divided by its standard deviation D^1/2, are
     *white*: Z = D^-1/2 U^T X. Every rotation W of them is white too; FastICA (Hyvarinen 1999, with all rows
-    of W at once) takes the one whose sources S = W Z have the largest contrast E[G(S)], a measure of
+    of W at once) chooses the one whose sources S = W Z have the largest contrast E[G(S)], a measure of
     non-Gaussianity. The mixing matrix is A = U D^1/2 W^T.
 
     W drops out of A S = U U^T X: **the foreground is that of PCA**, to the last bit. Only the sources differ.

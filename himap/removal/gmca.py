@@ -13,7 +13,9 @@ from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import bright_axes, channel_covariance, principal_axes
 from himap.removal.harmonic import safe_inverse
 from himap.removal.separation import ordered
-from himap.removal.sparse_sources import NORMAL, share_threshold
+
+NORMAL = 1.4826
+"""Standard deviation of normal numbers over the median of their absolute values."""
 
 _RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
 
@@ -32,7 +34,7 @@ class GMCA(ForegroundRemover):
 
     At the end S = A^+ X with no threshold, so that the foreground A S depends on the space that the
     columns of A span and on nothing else. The smooth scale has no part in A: its few large structures are
-    not sparse and too few to tell sources apart. There is no randomness; `rng` is not used.
+    not sparse and too few to separate sources. There is no randomness; `rng` is not used.
 
     The cube is never transformed. X^wt = X Phi^T with Phi linear, so A^+ X^wt = Phi(A^+ X), and
     X^wt S^T = X (Phi^T S)^T: an iteration transforms `n_sources` maps and passes over the cube twice.
@@ -130,6 +132,13 @@ def _settled(before, after, covariance, tolerance):
     change, residual = (np.sum(p @ covariance * p) for p in (new - old, np.eye(len(new)) - new))
     rounding = np.finfo(np.float32).eps ** 2 * np.trace(covariance)
     return bool(change <= max(tolerance**2 * residual, rounding))
+
+
+def share_threshold(sizes, floor, share):
+    """Threshold that keeps the largest `share` (0 to 1) of the absolute values `sizes` above `floor`."""
+    above = sizes[sizes > floor]
+    n_dropped = len(above) - int(np.ceil(share * len(above)))
+    return np.partition(above, n_dropped - 1)[n_dropped - 1] if n_dropped else floor
 
 
 class SphereDetails:

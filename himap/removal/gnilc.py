@@ -46,12 +46,12 @@ class GNILC(ForegroundRemover):
     in all of them some dozens of spectra. What transforms cannot hold, beyond the last l, is filtered as the
     last needlet.
 
-    The paper takes R around each pixel, from a region with so many modes that channels over modes, the
+    The paper has R around each pixel, from a region with so many modes that channels over modes, the
     bias of an internal linear combination, is small. That is the parameter `bias`; a needlet that has not
     as many modes on the full sky has one R, as all have with a bias of 0. With a hundred channels only
     the finest have regions, and their filters (`local_difference`) cost much more than the rest. For the
     same reason the first needlet needs many more modes than there are channels: with hundreds of channels
-    a `first_peak` of 20 is too small, and takes HI at the lowest l. Beyond the last l the filter is that
+    a `first_peak` of 20 is too small, and removes HI at the lowest l. Beyond the last l the filter is that
     of the full sky. Not as published is that an axis with *less* power than expected never counts as
     foreground: in the published sum, many that are far too faint would.
 
@@ -87,10 +87,11 @@ class GNILC(ForegroundRemover):
         while 2 * peaks[-1] < lmax:
             peaks.append(2 * peaks[-1])
         windows, degrees = cosine_needlets(peaks, lmax), harmonic.degrees(lmax)
-        mock = None if self.prior is None else mock_modes(read_mock(self.prior, maps.shape))
+        mock = None if self.prior is None else mock_modes(self.prior, maps.shape)
         spectra, sources, local = [], [], 0
         for peak, window in zip(peaks, progress(windows, self.name), strict=True):
-            covariance = band_covariance(modes.upto(_last(window)), window)
+            last = int(np.flatnonzero(window).max())
+            covariance = band_covariance(modes.upto(last), window)
             if mock is None:
                 prior = expected_covariance(covariance, data.freqs, peak)
             else:
@@ -101,7 +102,10 @@ class GNILC(ForegroundRemover):
             n_modes = self.bias * np.sum((2 * np.arange(lmax + 1) + 1) * window**2)  # over regions
             if len(prior) < n_modes:
                 width = np.sqrt(len(prior) / n_modes)
-                local = local + _local(modes, window, prior, (columns, rows), width, nside)
+                needlet = _maps(window[harmonic.degrees(last)] * modes.upto(last), nside)
+                more = local_difference(needlet, prior, (columns, rows), width)
+                alms = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
+                local = local + alms * window[sphere.alm_degree(lmax)].astype(np.float32)
         # Beyond the last l: what is in the maps less what is in their modes.
         sources[-1] += projection(rows, maps) - _maps(modes.along(rows, lmax), nside)
         if np.ndim(local):
@@ -109,20 +113,6 @@ class GNILC(ForegroundRemover):
             sources.append(sphere.synthesise(local, nside).astype(np.float64))
         mixing, sources = ordered(np.hstack(spectra), np.concatenate(sources))
         return Separation(mixing=mixing, sources=sources)
-
-
-def _local(modes, window, prior, everywhere, width, nside):
-    """Coefficients of the `local_difference` of a needlet, (n_channels, n_alm)."""
-    last = _last(window)
-    data = _maps(window[harmonic.degrees(last)] * modes.upto(last), nside)
-    more = local_difference(data, prior, everywhere, width)
-    alms = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
-    return alms * window[sphere.alm_degree(len(window) - 1)].astype(np.float32)
-
-
-def _last(window):
-    """The largest l that a window holds."""
-    return int(np.flatnonzero(window).max())
 
 
 def _maps(modes, nside):
@@ -188,8 +178,10 @@ def local_difference(maps, prior, everywhere, width):
     return more
 
 
-def read_mock(path, shape):
-    """The maps of HI and noise as the instrument sees them, (n_channels, n_pix), mK, of a .npy file.
+def mock_modes(path, shape):
+    """Real modes of HI and noise as the instrument sees them, (n_channels, 9 nside^2) float32.
+
+    Of a .npy file of maps, (n_channels, n_pix), mK; `shape` is that of the maps that are cleaned.
 
     Raises
     ------
@@ -202,11 +194,6 @@ def read_mock(path, shape):
             f"the mock of prior must have the shape of the maps, {shape}, got {maps.shape}; make it for "
             "this survey, seen through its beam."
         )
-    return maps
-
-
-def mock_modes(maps):
-    """Real modes of the maps of a mock, (n_channels, n_pix) to (n_channels, 9 nside^2) float32."""
     modes = np.empty((len(maps), 9 * sphere.nside_of(maps) ** 2), dtype=np.float32)
     for channel, out in zip(progress(centred(maps), "prior"), modes, strict=True):
         out[:] = harmonic.to_modes(sphere.analyse(channel, n_iter=sphere.N_ITER_FLAT))
@@ -227,7 +214,7 @@ def band_covariance(modes, window):
 
 
 def stationary(covariance):
-    """The nearest of the form s_a s_b rho(a - b): what a few modes can tell of a smooth covariance.
+    """The nearest of the form s_a s_b rho(a - b): what a few modes determine of a smooth covariance.
 
     ln s^2 is a cubic in frequency, rho the mean along each diagonal, less far off it by the share of channels
     that are so far apart: so it is the autocorrelation of a series, which has no negative power. Channels are

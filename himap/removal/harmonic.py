@@ -62,17 +62,4 @@ def safe_inverse(matrices):
     rounding are dropped, so nothing is singular.
     """
     q, square = np.linalg.qr(matrices)
-    return _inverses(square) @ np.swapaxes(q, -1, -2)
-
-
-def _inverses(square):
-    """Pseudo-inverses of square matrices (n, m, m); without singular values where all are above rounding."""
-    try:
-        inverses = np.linalg.inv(square)
-    except np.linalg.LinAlgError:  # one of them has a zero on the diagonal
-        return np.linalg.pinv(square, rcond=_RANK)
-    size = np.linalg.norm(square, axis=(1, 2)) * np.linalg.norm(inverses, axis=(1, 2))
-    close = ~(size < 1 / _RANK)  # the product is no less than the condition number
-    if close.any():
-        inverses[close] = np.linalg.pinv(square[close], rcond=_RANK)
-    return inverses
+    return np.linalg.pinv(square, rcond=_RANK) @ np.swapaxes(q, -1, -2)

@@ -118,7 +118,11 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
     weights = None if np.ndim(weights) < 2 else weights
     if weights is not None:
         check_channels(weights, least_channels(len(maps), order, n_sigma), f"a polynomial of order {order}")
-    basis = _polynomials(freqs, order)
+    # Legendre polynomials of the band are nearly orthogonal already, so that QR keeps every digit; powers of
+    # a frequency in MHz would have a condition number of 1e36. All rise at the upper end.
+    u = (2 * freqs - freqs[0] - freqs[-1]) / (freqs[-1] - freqs[0])
+    basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(u, order))
+    basis *= np.sign(np.diag(triangle))
     given = _deviation_of_sky(maps, basis, spread, weights)
     first = np.empty((order + 1, maps.shape[1]))
     second = np.empty_like(first)
@@ -190,15 +194,3 @@ def least_channels(n_channels, order=6, n_sigma=5.0):
 def _most_flagged(n_channels, n_sigma):
     """m outliers alone have a variance above m n_sigma^2 / n, so that there are fewer than n / n_sigma^2."""
     return int(np.ceil(n_channels / n_sigma**2)) - 1
-
-
-def _polynomials(freqs, order):
-    """Polynomials up to `order`, orthonormal over the channels, (n_channels, order + 1).
-
-    The Legendre polynomials of the band mapped to [-1, 1] are nearly orthogonal already, so QR keeps
-    every digit; powers of a frequency in MHz would have a condition number of 1e36. All rise
-    at the upper end.
-    """
-    u = (2 * freqs - freqs[0] - freqs[-1]) / (freqs[-1] - freqs[0])
-    basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(u, order))
-    return basis * np.sign(np.diag(triangle))

@@ -17,7 +17,7 @@ from himap.core.progress import progress
 from himap.maps.low_rank import blocks
 
 RESTARTS = 4
-"""How many a cube of one's own is cleaned with, where the method has restarts."""
+"""How many a cube of a user is cleaned with, where the method has restarts."""
 
 BRIGHT = 0.1
 """Share of the lines of sight that are the brightest of the foreground."""
@@ -66,7 +66,7 @@ class Ensemble:
 
     @classmethod
     def of(cls, cleaning, n):
-        """The ensemble of `n` starts of a `Cleaning`, its own first.
+        """The ensemble of `n` starts of a `Cleaning`, of which it is the first.
 
         Raises
         ------
@@ -93,7 +93,11 @@ class Ensemble:
         found = np.zeros((len(self.members),) * 2)
         for i, j in combinations(range(len(self.members)), 2):
             one, other = (self.members[k].separation.foreground for k in (i, j))
-            found[i, j] = found[j, i] = _rms(one + -other)
+            change = one + -other  # its terms may cancel
+            axes, triangle = np.linalg.qr(change.spectra)
+            n_pix = change.maps.shape[1]
+            squares = sum(np.sum((triangle @ change.maps[:, block]) ** 2) for block in blocks(n_pix))
+            found[i, j] = found[j, i] = np.sqrt(squares / (len(axes) * n_pix))
         return found
 
     @cached_property
@@ -124,19 +128,15 @@ class Ensemble:
     @property
     def remarks(self):
         """Sentences: which member is the medoid, which ones have flags, and what then to do."""
-        method, n, failed = self.medoid.method, len(self.members), {}
-        for member, names in zip(self.members, self.flags, strict=True):
-            for name in names:
-                failed.setdefault(name, []).append(member.method.restart)
-        failing = set().union(*failed.values())
-        reasons = [
-            f"{FLAGS[name][1]} (restart {', '.join(map(str, failed[name]))})"
-            for name in FLAGS
-            if name in failed
-        ]
+        method, n, failing, reasons = self.medoid.method, len(self.members), set(), []
+        for name, (_, meaning) in FLAGS.items():
+            pairs = zip(self.members, self.flags, strict=True)
+            if failed := [member.method.restart for member, names in pairs if name in names]:
+                failing.update(failed)
+                reasons.append(f"{meaning} (restart {', '.join(map(str, failed))})")
         first = (
             f"{method.name} is chaotic: this is restart {method.restart}, the medoid of {n}, of which "
-            f"{len(failing)} look failed{': ' if failed else ''}{', '.join(reasons)}."
+            f"{len(failing)} look failed{': ' if failing else ''}{', '.join(reasons)}."
         )
         return [first, _WAY_OUT] if 2 * len(failing) >= n or method.restart in failing else [first]
 
@@ -170,16 +170,9 @@ def contrast(residual, foreground, change=None):
     """
     powers = np.empty((2, residual.shape[1]))
     for block in blocks(residual.shape[1]):
-        left = residual[:, block] if change is None else residual[:, block] + change.lines(block)
-        for power, lines in zip(powers[:, block], (foreground.lines(block), left), strict=True):
+        remaining = residual[:, block] if change is None else residual[:, block] + change.lines(block)
+        for power, lines in zip(powers[:, block], (foreground.lines(block), remaining), strict=True):
             power[:] = np.mean(np.square(lines, dtype=np.float64), axis=0)
     bright = powers[0] > np.quantile(powers[0], 1 - BRIGHT)
     elsewhere = powers[1, ~bright].mean()
     return powers[1, bright].mean() / elsewhere if bright.any() and elsewhere > 0 else 1.0
-
-
-def _rms(cube):
-    """Of a `LowRankCube`, whose terms may cancel, mK."""
-    axes, triangle = np.linalg.qr(cube.spectra)
-    squares = sum(np.sum((triangle @ cube.maps[:, block]) ** 2) for block in blocks(cube.maps.shape[1]))
-    return np.sqrt(squares / (len(axes) * cube.maps.shape[1]))

@@ -20,17 +20,17 @@ class Separation:
     low_rank
         The foreground, a `LowRankCube`, where it is not A S, such as one that is seen through beams.
     means
-        What is subtracted from every channel besides, (n_channels,), mK: the means of the data unless
+        What else is subtracted from every channel, (n_channels,), mK: the means of the data unless
         `_separate` gives others.
     converged
         False if the method stopped at its limit.
     n_iterations
         0 for a direct method.
     flagged
-        (n_pix,) bool, the lines of sight whose own fit cannot be trusted; None where there is no such fit.
+        (n_pix,) bool, the lines of sight whose fit cannot be trusted; None where lines have no separate fits.
     lmax
         Multipole at which the method ends: beyond, all goes with the foreground that was in the maps it was
-        found in, so that peaks that were masked there stay whole; None if it does not end.
+        found in, so that peaks that were masked there remain complete; None if it does not end.
     diagnostics
         {name: number} by which an iteration can be judged without the truth; None of other methods.
     """
@@ -80,7 +80,7 @@ class Separation:
         return residual
 
     def moved(self, move):
-        """The same of other pixels: ``move(lines)`` takes lines of sight (n, n_pix) to theirs."""
+        """The same of other pixels: ``move(lines)`` turns lines of sight (n, n_pix) into theirs."""
         low_rank, flagged = self.low_rank, self.flagged
         return replace(
             self,
@@ -112,12 +112,6 @@ class Cleaned:
     def foreground(self):
         """What was subtracted, the mean of every channel included, float32, made when asked for."""
         return (self.maps - self.residual).astype(np.float32, copy=False)
-
-    def moved(self, move):
-        """The same of other pixels, as `Separation.moved`."""
-        return Cleaned(
-            maps=move(self.maps), residual=move(self.residual), separation=self.separation.moved(move)
-        )
 
 
 def ordered(mixing, sources):

@@ -1,4 +1,4 @@
-"""Smooth spectra, at every multipole as many as stand out of HI and noise: himap's own method."""
+"""Smooth spectra, at every multipole as many as exceed HI and noise; a method of himap."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -213,11 +213,19 @@ def faint_covariance(products, freqs, n_removed):
     places = (freqs - freqs[0]) / (freqs[-1] - freqs[0]) * (n_channels - 1)
     levels = np.sqrt(_smooth(np.diag(products), places, _LEVEL_ORDER))
     waves = np.arange(n_channels)  # half of them in the band, from none up to Nyquist's
-    power = _power(products / np.outer(levels, levels), places, waves)
+    # A periodogram with a sine taper, so that what is bright at small k stays there.
+    taper = np.sin(np.pi * (places + 0.5) / n_channels)
+    transform = np.exp(-1j * np.pi / n_channels * np.outer(waves, places)) * taper
+    correlation = products / np.outer(levels, levels)
+    power = np.sum((transform @ correlation) * transform.conj(), axis=1).real / np.sum(taper**2)
     k = np.pi * waves / (freqs[-1] - freqs[0])
     first = max(0, min(n_removed + 1, n_channels - _POWER_ORDER - 1))
-    smooth = _smooth(power, k / (k + _SCALE), _POWER_ORDER, first)
-    return np.outer(levels, levels) * _correlation(smooth, places, waves)
+    weights = _smooth(power, k / (k + _SCALE), _POWER_ORDER, first)
+    weights[[0, -1]] /= 2  # the trapezoidal rule in k
+    even = np.allclose(np.diff(places), 1)
+    lags = places if even else np.abs(places[:, None] - places).ravel()
+    rows = np.cos(np.pi / (n_channels - 1) * np.outer(lags, waves)) @ weights / weights.sum()
+    return np.outer(levels, levels) * (toeplitz(rows) if even else rows.reshape(n_channels, -1))
 
 
 def log_fit(design, values):
@@ -239,20 +247,3 @@ def _smooth(values, places, order, first=0):
     x = 2 * (places - places[0]) / (places[-1] - places[0]) - 1
     design = np.polynomial.legendre.legvander(x, min(order, len(values) - first - 1))
     return np.exp(design @ log_fit(design[first:], np.maximum(values[first:], np.finfo(float).tiny)))
-
-
-def _power(products, places, waves):
-    """Periodogram of a covariance with a sine taper, so that what is bright at small k stays there."""
-    taper = np.sin(np.pi * (places + 0.5) / len(places))
-    transform = np.exp(-1j * np.pi / len(places) * np.outer(waves, places)) * taper
-    return np.sum((transform @ products) * transform.conj(), axis=1).real / np.sum(taper**2)
-
-
-def _correlation(power, places, waves):
-    """Correlation matrix of a stationary field of this power, by the trapezoidal rule in k."""
-    weights = power.copy()
-    weights[[0, -1]] /= 2
-    even = np.allclose(np.diff(places), 1)
-    lags = places if even else np.abs(places[:, None] - places).ravel()
-    rows = np.cos(np.pi / (len(waves) - 1) * np.outer(lags, waves)) @ weights / weights.sum()
-    return toeplitz(rows) if even else rows.reshape(len(places), -1)

@@ -104,7 +104,11 @@ def weighted_components(maps, weights, n_sources):
         sources[:, block] = least_squares(mixing, lines - offset[:, None], some)
 
     in_threads(find, maps.shape[1], "sources", _BLOCK)
-    mixing, sources = _principal(mixing / scale, sources)
+    # Turned so that A is orthonormal and the sources are uncorrelated.
+    axes, triangle = linalg.qr(mixing / scale, mode="economic")
+    sources = triangle @ sources
+    turned = principal_axes(sources @ sources.T, n_sources)
+    mixing, sources = ordered(axes @ turned, turned.T @ sources)
     return Separation(
         mixing=mixing,
         sources=sources,
@@ -171,11 +175,3 @@ def _central(first, second, total):
     """Mean and covariance of sums of w x, w x x^T and w."""
     mean = first / total
     return mean, second / total - np.outer(mean, mean)
-
-
-def _principal(mixing, sources):
-    """A and S turned so that A is orthonormal and the sources are uncorrelated, by variance."""
-    axes, triangle = linalg.qr(mixing, mode="economic")
-    sources = triangle @ sources
-    turn = principal_axes(sources @ sources.T, len(sources))
-    return ordered(axes @ turn, turn.T @ sources)

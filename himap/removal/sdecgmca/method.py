@@ -20,7 +20,6 @@ from himap.removal.spectral_filter import on_sky, seen_through, through_beams
 _MOST_MORE = 50  # iterations of the warm-up beyond its least number, and of the refinement, as in C21's code
 _LAST_MOST = 25  # turns of the last S
 _PERTURBATION = 1e-10  # of the start by a restart, relative
-_OF_LAST_SOURCES = ("last_floor", "last", "last_coefficients", "beyond")
 
 
 def _option(name):
@@ -142,7 +141,8 @@ class SDecGMCA(ForegroundRemover):
     @property
     def iteration(self):
         """This method without what is chosen of the last S: methods that agree in it share their `fit`."""
-        common = {name: READINGS["letter"][name] for name in (*_OF_LAST_SOURCES, "last_tolerance")}
+        of_last = "last_floor", "last", "last_coefficients", "beyond", "last_tolerance"
+        common = {name: READINGS["letter"][name] for name in of_last}
         return replace(self, reading="letter", **common)
 
     def fit(self, data):
@@ -219,7 +219,7 @@ class SDecGMCA(ForegroundRemover):
         """The `Step` of every iteration in turn: warm-up, then refinement (paper, Sect. 3.3).
 
         Of a `BlurredMixture` with `Scales`, from A, (n_channels, n_sources), to which `done` iterations of
-        the warm-up led; there A is all that the next one needs.
+        the warm-up led; there A is all that the next one needs. The column of a source that vanished stays.
         """
         window = scales.detail if self.mixing_scales == "detail" else np.ones(mixture.lmax + 1)
         sources, stages = None, ((False, self.n_warmup), (True, self.n_refinement))
@@ -236,9 +236,11 @@ class SDecGMCA(ForegroundRemover):
                 inverses, last = mixture.inverses(mixing, epsilon), sources
                 sources, coefficients = scales.threshold(mixture, inverses, share, memory)
                 memory = coefficients if refining and self.reweighted else None
-                mixing = self._unit_columns(
-                    mixture.fit(sources * window[harmonic.degrees(mixture.lmax)], window), mixing
-                )
+                fitted = mixture.fit(sources * window[harmonic.degrees(mixture.lmax)], window)
+                if self.sign == "nonnegative":
+                    fitted = np.maximum(fitted * np.where(fitted.sum(axis=0) < 0, -1, 1), 0)
+                length = np.linalg.norm(fitted, axis=0)
+                mixing = np.where(length > 0, fitted / np.where(length > 0, length, 1), mixing)
                 change = math.nan if last is None else _change(last, sources)
                 converged = change <= tolerance
                 yield Step(
@@ -246,13 +248,6 @@ class SDecGMCA(ForegroundRemover):
                 )
                 if converged and count >= least:
                     break
-
-    def _unit_columns(self, mixing, last):
-        """A with its sign and columns of unit length; that of a source that vanished stays as it was."""
-        if self.sign == "nonnegative":
-            mixing = np.maximum(mixing * np.where(mixing.sum(axis=0) < 0, -1, 1), 0)
-        length = np.linalg.norm(mixing, axis=0)
-        return np.where(length > 0, mixing / np.where(length > 0, length, 1), last)
 
     def last_sources(self, mixture, scales, mixing, sources):
         """S of the last A (paper, Eq. 23), real modes, and the epsilon behind it, (n_l, n_sources or 1).
