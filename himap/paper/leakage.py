@@ -37,8 +37,8 @@ def split_error(case, remover, mask_peaks=True):
         As in `cleaned.separation`.
     """
     observed, found = pipeline.observation(case), cleaned.separation(case, remover, mask_peaks)
-    known = observed.truth - observed.maps
-    known += pipeline.basis(case, mask_peaks)
+    known = pipeline.basis(case, mask_peaks) - observed.maps  # first, for both are far brighter than HI
+    known += observed.truth
     known = centred(known)
     if found.lmax is not None:
         known = sphere.cut_cube(known, found.lmax)
