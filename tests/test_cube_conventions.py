@@ -51,11 +51,19 @@ class TestHDF5:
             file["sky/nu"][0] += 1
         assert read_cube("a.h5", freqs_name="sky/nu").freqs[0] == FREQS[0] + 1
 
-    @pytest.mark.parametrize("key", ["_FillValue", "missing_value"])
-    @pytest.mark.parametrize("value", [-999.9, 1e20, 0.0])
-    def test_missing_values(self, key, value, maps):
+    @pytest.mark.parametrize(
+        ("value", "said"),
+        [
+            *((value, {"_FillValue": value}) for value in (-999.9, 1e20, 0.0)),
+            *((value, {"missing_value": [value, -1.0]}) for value in (-999.9, 1e20, 0.0)),
+            *((value, {"valid_range": [-500.0, 1e19]}) for value in (-999.9, 1e20)),
+            (-999.9, {"valid_min": -500.0}),
+            (1e20, {"valid_max": 1e19}),
+        ],
+    )
+    def test_missing_values(self, value, said, maps):
         maps[:, :7] = value
-        write_hdf5("a.h5", maps, **{key: value})
+        write_hdf5("a.h5", maps, **said)
         cube = read_cube("a.h5")
         assert not cube.mask[:7].any() and cube.mask[7:].all() and np.array_equal(cube.maps, maps[:, 7:])
 
