@@ -63,6 +63,8 @@ def test_the_table_is_over_the_medoid(cube):
     assert scatter.medoid == 0
     rows = {row[0]: [float(number) for number in row[1:]] for row in scatter_table(scatter).rows}
     angular, frequency = scatter.powers.values()
+    upper = scatter.columns("angular", scatter.x["angular"])["restarts_84"]
+    assert upper == pytest.approx(np.percentile(angular, 84, axis=0))
     inside = (scatter.x["angular"] > 19.5) & (scatter.x["angular"] < 39.5)
     ratio = angular[1, inside].mean() / angular[0, inside].mean()
     expected = np.percentile([1, ratio], PERCENTILES)
