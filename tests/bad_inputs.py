@@ -125,8 +125,7 @@ def add(name, words, message, write=None, *given, **options):
 NO_FREQS = "does not tell its frequencies"
 several = ["map_971p137MHz", "map_972p137MHz"], ["900-910MHz", "910-920MHz"], ["a_900MHz", "b"]
 for names in (*several, ["900MHz", "901MHz", "mean"]):
-    message = "but not mean.fits" if "mean" in names else NO_FREQS
-    add(f"file names {names[0]}", "folder", message, write_folder, "folder", names)
+    add(f"file names {names[0]}", "folder", NO_FREQS, write_folder, "folder", names)
 columns = {"column_names": ["900 MHz of 20 MHz", "910 MHz", "920 MHz"]}
 add("a column of two numbers", "a.fits", NO_FREQS, write_fits, "a.fits", good_maps()[:3], **columns)
 for names, values, message in (
@@ -139,21 +138,10 @@ for names, values, message in (
 # HDF5: what is a frequency, a unit, an order.
 for name in ("freq_weights", "tsys_mhz", "nu_id"):
     add(f"a dataset {name}", "a.h5", NO_FREQS, write_hdf5, "a.h5", freqs_name=name)
-more = {"more": {"bandwidth": np.linspace(950, 960, 24)}, "freqs_name": None}
-add("a bandwidth alone", "a.h5", NO_FREQS, write_hdf5, "a.h5", **more)
 for said in ({"unit": "mK", "units": "K"}, {"unit": "mK", "order": "RING", "ordering": "NESTED"}):
     add(f"attributes {list(said)}", "a.h5", "say different things", write_hdf5, "a.h5", said=said)
 add("two sets of frequencies", "a.h5", "--freqs-name", write_hdf5, "a.h5", more={"nu": FREQS + 1})
-add("other channels", "a.h5", "24 channels, and 25 frequencies", write_hdf5, "a.h5", freqs=np.arange(25.0))
-add(
-    "a name and a unit",
-    "a.h5",
-    "unit of its name",
-    lambda: (
-        write_hdf5("a.h5", freqs_name="freq_ghz"),
-        h5py.File("a.h5", "a")["freq_ghz"].attrs.update(unit="MHz"),
-    ),
-)
+add("other channels", "a.h5", NO_FREQS, write_hdf5, "a.h5", freqs=np.arange(25.0))
 for shape in ((N_PIX,), SHAPE[::-1]):
     add(f"a mask {shape}", "a.h5", "has a mask", write_hdf5, "a.h5", more={"mask": np.zeros(shape, bool)})
 for key, value in (("scale_factor", [1.0, 2.0]), ("scale_factor", np.inf), ("add_offset", "none")):
@@ -173,7 +161,7 @@ for message, more in (
     ("a.h5: all maps are zero", {"maps": np.zeros(SHAPE)}),
     ("a.h5: a cube needs two channels", {"maps": np.full(SHAPE, np.nan)}),
     (
-        "got unit 'K km/s'. Convert the maps, and write them with their unit, as the attribute unit of the",
+        "got unit 'K km/s'. Convert the maps, and write them with their unit, as BUNIT in a header, TUNIT",
         {"said": {"unit": "K km/s"}},
     ),
     ("frame of coordinates (an attribute of a.h5) must be one of G, C, E, ICRS, FK5, FK4", {"coordsys": 3}),
@@ -188,8 +176,6 @@ for message, more in (
 waves = good_maps().astype(complex)
 for words in ("a.h5", "a.h5 --maps maps"):
     add(f"complex numbers in {words}", words, "complex numbers", write_hdf5, "a.h5", waves)
-nus = {"said": SAID | {"nus": FREQS}, "freqs_name": None}
-add("frequencies in an attribute", "a.h5", "an attribute nus of that many numbers", write_hdf5, "a.h5", **nus)
 more = {"again": good_maps()}
 add("two cubes", "a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
 add("escape codes in names", "a.h5", "\\x1b[2J", write_hdf5, "a.h5", more={"\x1b[2J\x07": good_maps()})
@@ -258,16 +244,16 @@ add("petabytes in HDF5", "a.h5", "GB", large_hdf5)
 for pols in (["XX", "YY"], ["I", "I"]):
     add(f"polarisations {pols}", "a.h5 --unit K", "have I once", write_container, pols=pols)
 axis = ("pol", "freq", "pixel")
-add("other axes", "a.h5 --unit K", "must have the axes (freq, pol, pixel)", write_container, axis=axis)
+add("other axes", "a.h5 --unit K", "with the axes (freq, pol, pixel)", write_container, axis=axis)
 add("a container without a unit", "a.h5", "--unit", write_container)
 for n, (name, values, message) in enumerate(
     (
         ("index_map__freq", None, "no index_map/freq"),
         ("index_map__pol", None, "no index_map/pol"),
-        ("index_map__pol", np.arange(4), "must be the names of 4 polarisations"),
-        ("index_map__pol", np.array([b"I"]), "must be the names of 4 polarisations"),
-        ("index_map__freq", np.array([b"900"] * 24), "numbers, or a table with a column centre"),
-        ("index_map__freq", np.zeros(24, dtype=[("width", "f8")]), "numbers, or a table with a column"),
+        ("index_map__pol", np.arange(4), "must have I once"),
+        ("index_map__pol", np.array([b"I"]), "1 names and"),
+        ("index_map__freq", np.array([b"900"] * 24), "frequencies |S3 (24,)"),
+        ("index_map__freq", np.zeros(24, dtype=[("width", "f8")]), "or a table with a column centre"),
         ("index_map__freq", h5py.ExternalLink("other.h5", "freqs"), "no index_map/freq in its own"),
         ("mask", np.zeros(SHAPE, dtype=bool), "has a mask"),
         ("others", good_maps(), "name the one that is meant with --maps"),
@@ -315,7 +301,7 @@ add("columns of two lengths", "a.fits", "must have one length", columns_of_two_l
 add("another nside", "a.fits", "it says NSIDE = 8", change_cards, "good.fits", "a.fits", NSIDE=8)
 units = {"column_units": ["mK", "K", "K"], "column_names": ["900 MHz", "910 MHz", "920 MHz"]}
 one = {"column_units": "K km/s", "column_names": ["950 MHz", "960 MHz"]}
-add("a unit of lines", "a.fits", "as TUNIT of each column", write_fits, "a.fits", good_maps()[:2], **one)
+add("a unit of lines", "a.fits", "TUNIT of each column", write_fits, "a.fits", good_maps()[:2], **one)
 add("two units", "a.fits", "one unit, got", write_fits, "a.fits", good_maps()[:3], **units)
 for cards in ({"NAXIS2": 10**12}, {"NAXIS1": 10**15}, {"NSIDE": 2**26}, {"NAXIS2": -5}):
     source = "part.fits" if "NSIDE" in cards else "good.fits"
@@ -329,7 +315,7 @@ for name, axes, cards, message in (
     ("velocities", (*SKY["SIN"], ("VRAD", 1e5, 1, 1e3, "m/s")), {"RESTFRQ": 1.42e9}, "axis VRAD, and FREQ"),
     ("no sky", (("X", 1, 1, 1, ""), ("Y", 1, 1, 1, ""), FREQ), {}, "two axes of the sky"),
     ("flux", (*SKY["SIN"], FREQ), {"BUNIT": "Jy/beam"}, "u.brightness_temperature(freq, beam_area=...)"),
-    ("surface", (*SKY["SIN"], FREQ), {"BUNIT": "MJy/sr"}, "(values * u.Unit('MJy/sr')).to(u.K"),
+    ("surface", (*SKY["SIN"], FREQ), {"BUNIT": "MJy/sr"}, "a.fits is in MJy/sr, and"),
     ("aips", (*SKY["SIN"], ("VELO-LSR", 1e5, 1, 1e3, "m/s")), {"RESTFREQ": 1.42e9}, "axis VELO-LSR, and"),
     ("images without unit", (*SKY["SIN"], FREQ), {"BUNIT": ""}, "give unit="),
     ("another unit of images", (*SKY["SIN"], FREQ), {"BUNIT": "m/s"}, "must be brightness temperatures"),
@@ -340,11 +326,12 @@ for name, axes, cards, message in (
     ("an unknown frame", (*SKY["SIN"], FREQ), {"RADESYS": "SKY"}, "a.fits: RADESYS must be one of"),
     ("no spectral frame", (*SKY["SIN"], FREQ), {"SPECSYS": 7}, "a.fits: SPECSYS must be one of"),
     ("a unit that is a number", (*SKY["SIN"], FREQ), {"BUNIT": 3}, "got unit '3'"),
-    ("antenna temperature", (*SKY["SIN"], FREQ), {"BUNIT": "K (Ta*)"}, "as BUNIT in the header"),
+    ("antenna temperature", (*SKY["SIN"], FREQ), {"BUNIT": "K (Ta*)"}, "as BUNIT in a header"),
     *(
         (f"an axis {name}", (*SKY["SIN"], (name, *FREQ[1:])), {}, "cannot be understood")
-        for name in ("FREQ-XYZ", "FREQ-TAB", "VELO")
+        for name in ("FREQ-XYZ", "VELO")
     ),
+    ("a table of frequencies", (*SKY["SIN"], ("FREQ-TAB", *FREQ[1:])), {}, "coordinates in a table"),
 ):
     images = power_law_images(np.random.default_rng(1))
     add(name, "a.fits", message, write_image, "a.fits", images, axes=axes, **cards)
@@ -398,11 +385,9 @@ add("an archive", NPY, "archive of arrays", lambda: (np.savez("a.npz", 1), os.re
 for numbers, message in (
     (np.full(24, "a"), "b.npy"),
     (np.zeros(0), "b.npy"),
-    (np.float64(1.5), "b.npy"),
     (np.ones((24, 3, 3)), "b.npy"),
     (np.full(24, np.inf), "b.npy"),
     (np.full(24, -1.0), "b.npy"),
-    (np.full((24, 12), np.nan), "b.npy"),
     (np.full(24, 0.028), "FWHM in degrees, between"),  # rad
     (np.full(24, 96.0), "FWHM in degrees, between"),  # arcmin
     (np.column_stack([FREQS, np.full(24, 1.6)]), "for widths give one FWHM (deg) a line"),
@@ -425,7 +410,7 @@ for numbers, message in (
     (np.array([FREQS, np.full(24, 5.0)]).T, COLUMNS),
     (np.array([np.arange(1, 25), FREQS]).T, COLUMNS),
     (np.array([EDGES[:-1], EDGES[1:] - 0.1]).T, COLUMNS),
-    (np.array([np.arange(1, 25), EDGES[:-1], EDGES[1:], FREQS, FREQS]).T, COLUMNS),
+    (np.array([np.arange(24), EDGES[:-1], EDGES[1:]]).T, COLUMNS),
 ):
     name = f"frequencies of {numbers.dtype} {numbers.shape} {numbers.ravel()[:2]} {numbers.ravel()[-1:]}"
     add(name, "good.npy --unit mK --freqs f.npy", message, save, "f.npy", numbers)
@@ -442,11 +427,8 @@ for content, message in (
     add(f"--freqs {content!r}", "good.npy --unit mK --freqs f.txt", f"f.txt {message}", write)
 for text in (
     "950,5\n951,0\n951,5\n",
-    "950\n950,5\n951\n",
-    "MHz\n950,5\n951,5",
     "1;950,5\n2;951,5",
     "950,5 0,1\n951,5 0,2",
-    "950,975\n951,975",
     "1,50\n1,49",
 ):
     write = partial(Path("f.txt").write_text, text)
@@ -514,19 +496,7 @@ for word in ("weights", "flags"):
     for n, (file, message, write) in enumerate(
         (
             ("w.fits", alike, partial(write_image, "w.fits", images[0].T, axes=SKY["SIN"])),
-            ("w.fits", alike, partial(write_image, "w.fits", images[0], axes=SKY["CAR"])),
-            (
-                "w.fits",
-                "must have the axes of the sky of the cube",
-                partial(write_image, "w.fits", images, axes=(*SKY["CAR"], FREQ)),
-            ),
-            (
-                "w.fits",
-                "w.fits cannot be read as",
-                partial(Path("w.fits").write_bytes, b"SIMPLE  ="),
-            ),
             ("nu.txt", "of a cube of images must be a .fits or .npy file", None),
-            ("none.fits", f"there is no file of {word} 'none.fits'", None),
             ("w.npy", "the shape of an image of the cube, (12, 16)", partial(save, "w.npy", images[0].T)),
             ("w.npy", "must be of the pixels of the cube", partial(save, "w.npy", images[:3])),
         )
@@ -542,14 +512,10 @@ add("a truth of another nside", "good.h5 --truth a.h5", "the truth must have the
     write_hdf5, "a.h5", np.ones((24, 768)))  # fmt: skip
 
 
-def over_frequencies():
-    os.rename("nu.txt", "nu.html")
-    os.remove("nu.npy")
-
-
 over = "good.npy --freqs nu.html --unit mK --overwrite --method beam_subspace --beam evolving"
 for command, output in (("clean", "nu.h5"), ("suggest", "nu.html"), ("transfer", "nu.html")):
-    add(f"{command} over frequencies", f"{command} {over} -o {output}", "made from", over_frequencies)
+    add(f"{command} over frequencies", f"{command} {over} -o {output}", "made from", os.rename, "nu.txt",
+        "nu.html")  # fmt: skip
 over = "good.npy --unit mK --freqs c_mixing.txt -o c.npy --overwrite"
 add("frequencies over by a companion", over, "made from", os.rename, "nu.txt", "c_mixing.txt")
 over = f"c_foreground.npy {' '.join(READING)} -o c.npy --overwrite"

@@ -16,8 +16,8 @@ from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, power_law_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, save_cleaned
+from himap.cubes.axes import check_names
 from himap.cubes.files import read_truth
-from himap.cubes.names import check_names
 from himap.cubes.weights import read_mask
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -36,10 +36,12 @@ class TestAxes:
     def write(self, images, axes=SKY["ZEA"], **cards):
         write_image("turned.fits", images.transpose(2, 1, 0), axes=axes, **cards)
 
-    @pytest.mark.parametrize("axes", [SKY["ZEA"], (*SKY["ZEA"], FREQ), (FREQ, *SKY["ZEA"])])
+    @pytest.mark.parametrize(
+        "axes", [SKY["ZEA"], (*SKY["ZEA"], FREQ), (FREQ, *SKY["ZEA"]), (*SKY["ZEA"], STOKES, FREQ)]
+    )
     def test_named_axes_and_the_way_back(self, images, axes):
         """The residual is that of the transposed cube, in the order of FITS, and can be read again."""
-        self.write(images, axes, WCSAXES=2 if len(axes) == 2 else 3)
+        self.write(images, axes, WCSAXES=len(axes))
         given = {} if FREQ in axes else {"freqs": MHZ}
         cube = read_cube("turned.fits", axes="RA, Dec, channel", **given)
         assert np.array_equal(cube.maps.reshape(images.shape), images) and np.allclose(cube.freqs, MHZ)
@@ -67,17 +69,10 @@ class TestAxes:
         write_image("right.fits", images)
         assert "--axes" not in " ".join(read_cube("right.fits").remarks)
 
-    def test_with_stokes_that_the_header_alone_has(self, images):
-        self.write(images, (*SKY["ZEA"], STOKES, FREQ), WCSAXES=4)
-        cleaned = clean_cube(read_cube("turned.fits", axes="ra,dec,freq"), "pca", n_sources=2)
-        save_cleaned(cleaned, "c.fits")
-        assert fits.getdata("c.fits").shape == (N_CHANNELS, 1, N_Y, N_X)
-        assert np.array_equal(read_cube("c.fits").maps, cleaned.residual)
-
     @pytest.mark.parametrize("kind", ["", "LINEAR"])
     def test_channels_without_a_type_have_the_frequencies_that_are_given(self, images, kind):
         write_image("a.fits", images, axes=(*SKY["SIN"], (kind, 0.0, 1.0, 1.0, "")))
-        with pytest.raises(InputError, match="a.fits does not tell its frequencies.*no axis FREQ"):
+        with pytest.raises(InputError, match="a.fits does not tell its frequencies"):
             read_cube("a.fits")
         cube = read_cube("a.fits", freqs=MHZ[::-1])
         assert np.array_equal(cube.maps.reshape(images.shape), images[::-1])
@@ -103,7 +98,7 @@ class TestAxes:
             read_cube("a.npy", **given)
         assert np.array_equal(read_cube("a.npy", axes="pixel,freq", **given).maps, square[:48].T)
 
-    @pytest.mark.parametrize("name", ["freq", "Frequency", "FREQ-BAR", "FREQ-TOP", "FREQ-LSR", "FREQ-GAL"])
+    @pytest.mark.parametrize("name", ["freq", "Frequency", "FREQ-LSR"])
     def test_names_of_the_axis_of_frequencies(self, images, name):
         write_image("a.fits", images, axes=(*SKY["SIN"], (name, *FREQ[1:])))
         assert np.allclose(read_cube("a.fits").freqs, MHZ)
@@ -131,47 +126,37 @@ class TestOrderOfFiles:
         with pytest.raises(InputError, match="would have 955.5 MHz"):
             check_names([*names[:-1], form.format(0.957 if "GHz" in form else 957)], freqs)
 
-    def test_names_of_edges_and_of_numbers_are_none_of_these(self):
-        freqs = 950 + np.arange(12.0)
-        check_names([f"map_{freq - 0.5}.fits" for freq in freqs], freqs)
-        check_names([f"map_{n}.fits" for n in range(12)], freqs[::-1])
+    numbers = range(12)
+    right = (
+        [f"map_{949.5 + n}" for n in numbers],  # edges
+        [f"map_{n}" for n in numbers],
+        [f"map_z{1420.406 / (950 + n) - 1:.3f}" for n in numbers],  # redshifts
+        sorted(f"2024{1 + n // 4:02d}01_ch{n:02d}" for n in numbers),
+        [f"run_1.{n:02}" for n in numbers],
+    )
+    wrong = (
+        sorted(f"map_z{1420.406 / (950 + n) - 1:.3f}" for n in numbers),
+        sorted(f"2024{1 + n % 9:02d}01_ch{n:02d}" for n in numbers),  # a date that several share comes first
+        [f"day{20 + n:02d}_ch{11 - n:02d}" for n in numbers],
+        sorted((f"run_1.{n}" for n in range(1, 13)), key=lambda name: float(name[4:])),  # decimals or not
+    )
 
-    def test_names_of_redshifts(self):
-        """Which rise where frequencies fall."""
-        freqs = 950 + 1.0 * np.arange(12)
-        names = sorted(f"map_z{1420.406 / freq - 1:.3f}.fits" for freq in freqs)
-        check_names(names, freqs[::-1])
-        with pytest.raises(InputError, match=r"map_z0.478.fits would have 950 MHz"):
-            check_names(names, freqs)
-
-    def test_two_numbers_that_say_two_orders(self):
-        """A date that several share comes first, and the number of the channel behind it."""
-        freqs = 950 + 1.0 * np.arange(12)
-        names = sorted(f"2024{1 + n % 9:02d}01_ch{n:02d}.fits" for n in range(12))
-        with pytest.raises(InputError, match="says another order: rename the files"):
-            check_names(names, freqs)
-        with pytest.raises(InputError, match="says another order"):
-            check_names([f"day{20 + n:02d}_ch{11 - n:02d}.fits" for n in range(12)], freqs)
-        check_names(sorted(f"2024{1 + n // 4:02d}01_ch{n:02d}.fits" for n in range(12)), freqs)
-
-    def test_numbers_that_may_be_decimals_or_not(self):
-        names = sorted((f"run_1.{n}.fits" for n in range(1, 13)), key=lambda name: float(name[4:-5]))
-        with pytest.raises(InputError, match="as many digits"):
+    @pytest.mark.parametrize(("names", "fit"), [*((one, 1) for one in right), *((one, 0) for one in wrong)])
+    def test_what_numbers_in_names_may_be(self, names, fit):
+        if fit:
             check_names(names, 950 + np.arange(12.0))
-        check_names([f"run_1.{n:02}.fits" for n in range(1, 13)], 950 + np.arange(12.0))
+        else:
+            with pytest.raises(InputError, match="rename the files"):
+                check_names(names, 950 + np.arange(12.0))
 
-    def test_what_is_left_out_and_what_is_unlike_is_listed(self, here):
+    def test_what_is_left_out_is_listed(self, here):
         write_folder("folder", [f"map_{n}" for n in range(23)] + ["mean"])
         (here / "folder" / "notes.txt").write_text("...")
         (here / "folder" / "._map_1.fits").write_bytes(b"\0\5\26\7")
         (here / "folder" / "map_3.fits").rename(here / "folder" / "map_3.dat")  # FITS by its first bytes
         said = " ".join(read_cube("folder", freqs=FREQS).remarks)
-        assert (
-            "notes.txt" in said
-            and "._map_1.fits" in said
-            and "most of the files: map_3.dat, mean.fits" in said
-        )
-        with pytest.raises(InputError, match="mean.fits.*one frequency for each of the 24 channels, got 23"):
+        assert "notes.txt" in said and "._map_1.fits" in said and "the last mean.fits (1065 MHz)" in said
+        with pytest.raises(InputError, match="one frequency for each of the 24 channels, got 23"):
             read_cube("folder", freqs=FREQS[:23])
 
 
@@ -208,24 +193,18 @@ class TestFormats:
             item.write_direct_chunk((0, 0), maps.tobytes(), 0)
             file["freqs"] = FREQS
             file.attrs.update(unit="mK", order="RING")
-        with pytest.raises(InputError, match="filter that is not installed here, zstd"):
+        with pytest.raises(InputError, match="a.h5 cannot be read .* filter that is not installed here"):
             read_cube("a.h5")
 
     def test_a_file_that_another_program_has_locked(self):
         write_hdf5("a.h5")
         with open("a.h5", "r+") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            with pytest.raises(InputError, match="a.h5 is open for writing in another program"):
+            with pytest.raises(
+                InputError, match="a.h5 cannot be locked: it is open for .* HDF5_USE_FILE_LOCKING=FALSE"
+            ):
                 read_cube("a.h5")
         assert np.array_equal(read_cube("a.h5").maps, good_maps())
-
-    @pytest.mark.parametrize("number", [37, 38, 95])
-    def test_a_drive_without_locks(self, number, monkeypatch):
-        write_hdf5("a.h5")
-        said = f"Unable to open file (unable to lock file, errno = {number}, error message = 'No locks')"
-        monkeypatch.setattr(h5py, "File", lambda *_: (_ for _ in ()).throw(OSError(said)))
-        with pytest.raises(InputError, match="HDF5_USE_FILE_LOCKING=FALSE"):
-            read_cube("a.h5")
 
 
 class TestLogical:

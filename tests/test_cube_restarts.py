@@ -10,7 +10,6 @@ import pytest
 from astropy.io import fits
 from cube_files import N_PIX, himap, power_law_maps, write_hdf5
 
-from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, read_cube
 from himap.cubes.scatter import PERCENTILES, scatter_of, scatter_table
 from himap.cubes.spectra import spectra_of
@@ -64,6 +63,8 @@ def test_the_table_is_over_the_medoid(cube):
     assert scatter.medoid == 0
     rows = {row[0]: [float(number) for number in row[1:]] for row in scatter_table(scatter).rows}
     angular, frequency = scatter.powers.values()
+    upper = scatter.columns("angular", scatter.x["angular"])["restarts_84"]
+    assert upper == pytest.approx(np.percentile(angular, 84, axis=0))
     inside = (scatter.x["angular"] > 19.5) & (scatter.x["angular"] < 39.5)
     ratio = angular[1, inside].mean() / angular[0, inside].mean()
     expected = np.percentile([1, ratio], PERCENTILES)
@@ -86,11 +87,6 @@ class TestPython:
         assert several.residual is several.ensemble.medoid.residual
         assert f"the medoid of {RESTARTS}" in several.remarks[0]
         assert not any("before it converged" in remark for remark in several.remarks)
-
-    def test_of_a_method_without_any(self, cube):
-        with pytest.raises(InputError, match="pca does not depend on its start: leave restarts out, got 4"):
-            clean_cube(cube, "pca", restarts=4)
-        assert clean_cube(cube, "pca", n_sources=2).ensemble is None
 
 
 class TestCommand:

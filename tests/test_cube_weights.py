@@ -4,7 +4,9 @@ import h5py
 import healpy as hp
 import numpy as np
 import pytest
+from astropy.io import fits
 from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
+from image_files import N_CHANNELS, N_X, N_Y, SKY, power_law_images, write_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, save_cleaned
@@ -17,6 +19,7 @@ from himap.removal.polynomial import Polynomial
 
 SAID = {"unit": "mK", "order": "RING"}
 SHAPE = (len(FREQS), N_PIX)
+DOWN = ("FREQ", 1018e6, 1.0, -2e6, "Hz")
 
 
 @pytest.fixture
@@ -160,30 +163,6 @@ class TestCleaning:
         true = np.delete(maps, 7, axis=0)[:, cube.mask]
         assert (cleaned.foreground - true)[cube.missing].std() < 2  # its noise is 1 mK
 
-    def test_weights_help_where_noise_is_uneven(self, hits, flags, rng):
-        """By hits: what is left of the foreground, where there are most of them."""
-        spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
-        sky = spectra @ (1e3 * np.exp(rng.standard_normal((2, N_PIX))))
-        noise = 50 * rng.standard_normal(SHAPE) / np.maximum(hits, 1)
-        write_hdf5("noisy.h5", sky + noise, **SAID)
-        weighted = read_cube("noisy.h5", weights=np.square(hits), flags=flags)
-        plain = read_cube("noisy.h5", weights=(hits > 0), flags=flags)
-        wrong = []
-        for cube in (weighted, plain):
-            left = clean_cube(cube, "pca", n_sources=2, peaks=False).foreground
-            wrong.append((left - np.delete(sky, 7, axis=0)[:, cube.mask])[:, hits[cube.mask] > 40].std())
-        assert wrong[0] < 0.9 * wrong[1]
-
-    def test_written_as_it_came(self, hits, flags):
-        cube = read_cube("cube.h5", weights=hits, flags=flags)
-        cleaned = clean_cube(cube, "pca", n_sources=2)
-        save_cleaned(cleaned, "out.h5")
-        with h5py.File("out.h5") as file:
-            residual, foreground = file["residual"][()], file["foreground"][()]
-        gaps = flags | (hits == 0)
-        assert residual.shape == SHAPE and np.array_equal(np.isnan(residual), gaps)
-        assert np.array_equal(np.isnan(foreground), (hits == 0) | (np.arange(24) == 7)[:, None])
-
     def test_a_truth_and_mocks(self, maps, hits, flags, rng):
         """The truth is 0 where the cube is missing, and so is a mock."""
         true = rng.standard_normal(SHAPE).astype(np.float32)
@@ -216,6 +195,9 @@ class TestCommands:
         save_cleaned(cleaned, "own.h5")
         with h5py.File("out.h5") as one, h5py.File("own.h5") as two:
             assert np.array_equal(one["residual"], two["residual"], equal_nan=True)
+            assert np.array_equal(np.isnan(one["residual"]), flags | (hits == 0))
+            blind = (hits == 0) | (np.arange(24) == 7)[:, None]
+            assert np.array_equal(np.isnan(one["foreground"]), blind)
 
     def test_transfer(self, flags, rng):
         """Of mocks from files, and of such that are made, the channel that is left out is left out."""
@@ -235,3 +217,65 @@ class TestCommands:
             outcome = himap("transfer", "cube.h5", *words, "--mocks", mocks, "-o", f"out{n}.html")
             assert outcome.exit_code == 0, outcome.output
             assert "The beams, meerkat:band=L, have a FWHM of 1.4" in outcome.output
+
+
+class TestImages:
+    """Of one image for all channels, or of one for each."""
+
+    @pytest.fixture(autouse=True)
+    def maps(self, rng, here):
+        maps = power_law_images(rng)
+        write_image("cube.fits", maps)
+        return maps
+
+    @pytest.fixture
+    def hits(self, rng):
+        hits = rng.integers(1, 50, (N_Y, N_X)).astype(np.float32)
+        hits[:2] = 0
+        return hits
+
+    @pytest.fixture
+    def flags(self, rng):
+        return rng.random((N_CHANNELS, N_Y, N_X)) < 0.05
+
+    def test_one_image_for_all_channels(self, maps, hits):
+        cube = read_cube("cube.fits", weights=write_image("hits.fits", hits, axes=SKY["SIN"], BUNIT=""))
+        seen = hits.ravel() > 0
+        assert np.array_equal(cube.mask, seen) and np.array_equal(cube.weights, hits.ravel()[seen])
+        lines = maps.reshape(N_CHANNELS, -1)[:, seen]
+        expected = PCA(n_sources=2).clean(lines, freqs=cube.freqs, weights=hits.ravel()[seen]).residual
+        assert clean_cube(cube, "pca", n_sources=2, peaks=False).residual == pytest.approx(expected, abs=1e-4)
+
+    def test_as_arrays_and_npy(self, hits, flags):
+        np.save("hits.npy", hits)
+        np.save("flags.npy", flags.astype("u1"))
+        cubes = [
+            read_cube("cube.fits", weights=weights, flags=bad)
+            for weights, bad in ((hits, flags), ("hits.npy", "flags.npy"))
+        ]
+        expected = np.where(flags, 0, hits).reshape(N_CHANNELS, -1)[:, cubes[0].mask]
+        assert all(np.array_equal(cube.weights, expected) for cube in cubes)
+
+    def test_one_for_each_channel_by_its_own_header(self, flags):
+        """In a file whose frequencies descend as those of the cube; NaN is bad."""
+        write_image("down.fits", power_law_images(np.random.default_rng(1)), axes=(*SKY["SIN"], DOWN))
+        bad = flags.astype(np.float32)
+        bad[bad == 1] = np.nan
+        write_image("flags.fits", bad, axes=(*SKY["SIN"], DOWN))
+        cube = read_cube("down.fits", flags="flags.fits")
+        assert np.array_equal(cube.missing, flags[::-1].reshape(N_CHANNELS, -1))
+        with pytest.raises(InputError, match="must have the channels of the cube in the order of its own"):
+            read_cube("cube.fits", flags="flags.fits")
+
+    def test_from_the_shell(self, hits, flags):
+        """The header comes back, and NaN where nothing is known."""
+        write_image("hits.fits", hits, axes=SKY["SIN"], BUNIT="")
+        write_image("flags.fits", flags.astype("u1"))
+        options = ["--weights", "hits.fits", "--flags", "flags.fits", "--keep-peaks", "-o", "c.fits"]
+        done = himap("clean", "cube.fits", "--method", "pca", "-p", "n_sources=2", *options)
+        assert done.exit_code == 0, done.output
+        with fits.open("c.fits") as file:
+            assert file[0].header["CTYPE1"] == "RA---SIN"
+            assert np.array_equal(np.isnan(file[0].data), flags | (hits == 0))
+        done = himap("clean", "cube.fits", "--method", "fastica", *options, "--overwrite")
+        assert done.exit_code == 2 and "takes no weights" in done.output

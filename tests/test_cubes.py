@@ -12,7 +12,7 @@ from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps, write_hdf5
 
 from himap import removal
 from himap.app.cli.main import main
-from himap.cubes import beams_of, clean_cube, measure_transfer, read_cube, save_cleaned
+from himap.cubes import beams_of, clean_cube, measure_transfer, read_cube
 from himap.instrument import beams
 from himap.instrument.beams.base import diffraction_fwhm
 from himap.maps import sphere
@@ -37,7 +37,7 @@ class TestReading:
         np.savetxt(tmp_path / "freqs.txt", FREQS[shuffled])
         cube = read_cube(tmp_path / "a.npy", freqs=tmp_path / "freqs.txt", unit="mK")
         assert np.array_equal(cube.maps, maps)
-        assert "taken as RING" in cube.remarks[0]
+        assert "assumed to be RING" in cube.remarks[0]
 
     @pytest.mark.parametrize("missing", [np.nan, np.inf, hp.UNSEEN])
     def test_pixels_that_one_channel_does_not_see_are_masked_in_all(self, maps, missing, tmp_path):
@@ -127,15 +127,6 @@ class TestCleaning:
         assert all(html.escape(sentence) in page for sentence in said)
         page = (tmp_path / "c.html").read_text()
         assert page.count("<img alt=") == 3 and "C/C0" in page and "http" not in page
-
-    def test_npy_and_its_companions(self, maps, tmp_path):
-        np.save(tmp_path / "a.npy", maps)
-        cube = read_cube(tmp_path / "a.npy", freqs=FREQS, unit="mK", order="RING")
-        cleaned = clean_cube(cube, "pca", n_sources=2)
-        written = save_cleaned(cleaned, tmp_path / "c.npy")
-        assert [path.name for path in written] == ["c.npy", "c_foreground.npy", "c_mixing.txt"]
-        assert np.array_equal(np.load(written[0]), cleaned.residual)
-        assert np.loadtxt(written[2]).shape == (24, 3)
 
 
 class TestBeams:

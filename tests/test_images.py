@@ -119,19 +119,13 @@ class TestCleaning:
 
     def test_other_outputs(self, maps, tmp_path):
         cleaned = clean_cube(read_cube(write_image(tmp_path / "a.fits", maps)), "pca", n_sources=2)
-        save_cleaned(cleaned, tmp_path / "c.npy")
+        written = [path.name for path in save_cleaned(cleaned, tmp_path / "c.npy")]
+        assert written == ["c.npy", "c_foreground.npy", "c_mixing.txt"]
         assert np.array_equal(np.load(tmp_path / "c.npy"), cleaned.residual.reshape(maps.shape))
         assert [path.name for path in save_cleaned(cleaned, tmp_path / "c.h5")] == ["c.h5"]
 
-    def test_float64_comes_back_so_where_the_sky_needs_it(self, maps, tmp_path):
-        cube = read_cube(write_image(tmp_path / "a.fits", 1e6 * maps.astype("f8")))
-        save_cleaned(clean_cube(cube, "pca", n_sources=1), tmp_path / "c.fits")
-        assert fits.getheader(tmp_path / "c_foreground.fits")["BITPIX"] == -64
-
     def test_suggest(self, maps, tmp_path):
         path = write_image(tmp_path / "a.fits", maps)
-        done = himap("suggest", path, "--to", "5", "-o", tmp_path / "s.html")
-        assert done.exit_code == 0 and "2 eigenvalues stand above HI and noise" in done.output
         assert suggest(read_cube(path), n_sources=range(1, 6)).best == 2
 
 
@@ -166,7 +160,7 @@ class TestSeveralFiles:
     @pytest.mark.parametrize(
         ("axes", "cards", "said"),
         [
-            ((*SKY["SIN"], FREQ), {}, "overlap, from 980 to 1002 MHz"),
+            ((*SKY["SIN"], FREQ), {}, "two channels have the frequency 980 MHz"),
             ((*SKY["CAR"], ("FREQ", 2e9, 1, 2e6, "Hz")), {}, "must have the same axes of the sky"),
             ((*SKY["SIN"], ("FREQ", 2e9, 1, 2e6, "Hz")), {"BUNIT": "K"}, "must have one unit"),
         ],
@@ -182,7 +176,7 @@ class TestSeveralFiles:
         beams = fits.BinTableHDU.from_columns([fits.Column("BMAJ", "E", array=np.ones(3))], name="BEAMS")
         fits.HDUList([cube, beams]).writeto(tmp_path / "a.fits")
         cube = read_cube(tmp_path / "a.fits")
-        assert "holds BEAMS beside the cube, which is not used, but written again" in cube.remarks[0]
+        assert "holds BEAMS too, which is not used, but written again" in cube.remarks[0]
         save_cleaned(clean_cube(cube, "pca", n_sources=2), tmp_path / "c.fits")
         with fits.open(tmp_path / "c.fits") as file:
             assert np.array_equal(file["BEAMS"].data["BMAJ"], np.ones(3))

@@ -27,7 +27,7 @@ def made_up(**changed):
     """A suggestion for 1 to 5 sources whose criterion and eigenvalues say 3."""
     given = {"eigenvalues": np.ones(24), "line": np.ones(24), "n_bright": 3, "method": "pca"}
     given |= {"n_sources": np.arange(1, 6), "criterion": np.array([5, 1, 0, 0.1, 0.2]), "stable": None}
-    given |= {"change": np.array([1, 0.5, 0.12, 0.13]), "knows_beam": False, "at_one_resolution": False}
+    given |= {"change": np.array([1, 0.5, 0.12, 0.13]), "at_one_resolution": False}
     return suggestion.Suggestion(**given | changed)
 
 
@@ -51,9 +51,9 @@ class TestSuggestion:
         maps[:, rng.random(N_PIX) < share] = np.nan
         cube = cube_of(tmp_path, maps)
         three, two, one = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2, 1))
-        beside = spectra.spectra_by_difference(three)
+        near = spectra.analysed(three)
         for cleaned, tolerance in ((three, 1e-6), (two, 1e-3), (one, 1e-3)):
-            found, expected = beside(cleaned), spectra.spectra_of(cleaned)
+            found, expected = spectra.spectra_of(cleaned, near), spectra.spectra_of(cleaned)
             inside = expected.angular.degrees <= 2 * NSIDE
             assert found.angular.degrees == pytest.approx(expected.angular.degrees)
             means = found.angular.mean[inside], expected.angular.mean[inside]
@@ -101,7 +101,7 @@ class TestSuggestion:
             criterion=np.array([5, 0.2, 0, 0.1, 0.2]),
             change=np.array([1, 0.3, change, 0.02]),
             stable=5,
-            knows_beam=knows_beam,
+            widths=(1.0, 2.0) if knows_beam else None,
             at_one_resolution=knows_beam,
         )
         assert found.range == expected
@@ -115,7 +115,7 @@ class TestSuggestion:
         found = suggestion.suggest(cube, "pca", n_sources=range(1, 4))
         assert found.range is None
         assert suggestion.advice(found).endswith("try larger ones, or a method that knows the beam.")
-        assert suggestion.advice(replace(found, knows_beam=True)).endswith("try larger ones.")
+        assert suggestion.advice(replace(found, widths=(1.0, 2.0))).endswith("try larger ones.")
 
     def test_what_both_say_counts_where_nothing_is_stable(self):
         """With few channels each source takes so much HI that spectra never stand still."""

@@ -1,10 +1,19 @@
-"""Which axis of an array is which: by names that the caller gives, by sizes, or as a header says."""
+"""Which axis of an array, and which file of a folder, is which.
+
+Axes are known by names that the caller gives, by sizes, or as a header says; files by the numbers in their
+names, and whether these fit the frequencies of channels.
+"""
+
+import re
 
 import numpy as np
 
 from himap.core.errors import InputError
+from himap.core.reading import format_of
 from himap.cubes.layout import is_seen
+from himap.maps.healpix_io import agreed, freqs_in
 from himap.maps.sphere import sphere_sizes
+from himap.removal.gnilc import LINE
 
 _N_FITTED = 3  # numbers of a parabola
 _SMOOTH = 1e-3  # of the power, that it leaves along an axis that looks like frequency
@@ -15,6 +24,12 @@ _AXES = {
     **dict.fromkeys(("freq", "freqs", "frequency", "nu", "channel"), "freq"),
     **dict.fromkeys(("pixel", "pixels", "pix"), "pixel"),
 }
+
+_DIGITS = re.compile(r"([0-9]+)")
+_DECIMALS = re.compile(r"([0-9]+(?:[.,p][0-9]+)?)")
+_LISTED = 10  # files in a message
+_IN_NAMES = (1.0, 1e3, 1e-3, 1e-6)  # MHz in what names may be in: MHz, GHz, kHz, Hz
+_SHARE = 0.6  # of a channel, that a number in a name may be from its centre: names may have its edge
 
 
 def named_axes(axes, names):
@@ -63,11 +78,9 @@ def remark_on_axes(maps, pixels):
     axes of the sky is which then is not known.
     """
     cube = maps.reshape(-1, *pixels.shape)
-    cube = cube[tuple(slice(None, None, -(-n // 48)) for n in cube.shape)]
-    seen = is_seen(cube)
-    cube = np.where(seen, cube, 0).astype(float)
-    turned = ([np.moveaxis(one, axis, 0) for one in (cube, seen)] for axis in range(3))
-    along_freq, *along_sky = (_roughness(*(one.reshape(len(one), -1) for one in both)) for both in turned)
+    cube = cube[tuple(slice(None, None, -(-n // 48)) for n in cube.shape)].astype(float)
+    turned = (np.moveaxis(cube, axis, 0) for axis in range(3))
+    along_freq, *along_sky = (_roughness(lines.reshape(len(lines), -1)) for lines in turned)
     least = min(along_sky)
     if not (least < _SMOOTH and least < _LESS * along_freq):
         return ()
@@ -81,22 +94,19 @@ def remark_on_axes(maps, pixels):
     )
 
 
-def _roughness(lines, seen):
-    """Share of the power of lines (n, n_lines), 0 where not seen, that their mean times a parabola leaves.
+def _roughness(lines):
+    """Share of the power of lines (n, n_lines) that their mean times a parabola leaves; 1 of too few places.
 
-    1 where there are too few places to say.
+    Of the lines that are seen wherever any is.
     """
-    enough = seen.sum(axis=0) > 2 * _N_FITTED
-    lines, seen = lines[:, enough], seen[:, enough].astype(float)
-    power = np.sum(lines**2)
-    if not power:
+    seen = is_seen(lines)
+    some = seen.any(axis=1)
+    lines = lines[some][:, seen[some].all(axis=0)]
+    if len(lines) <= 2 * _N_FITTED or not lines.any():
         return 1.0
-    both = seen @ seen.T
-    mean = np.linalg.eigh(lines @ lines.T / np.maximum(both, 1))[1][:, -1]
-    basis = mean[:, None] * np.vander(np.linspace(-1, 1, len(lines)), _N_FITTED)
-    normal = np.einsum("ki,kj,kn->nij", basis, basis, seen)
-    fitted = np.linalg.pinv(normal, hermitian=True) @ (basis.T @ lines).T[..., None]
-    return float(np.sum((lines - seen * (basis @ fitted[..., 0].T)) ** 2) / power)
+    mean = np.linalg.eigh(lines @ lines.T)[1][:, -1]
+    basis, _ = np.linalg.qr(mean[:, None] * np.vander(np.linspace(-1, 1, len(lines)), _N_FITTED))
+    return float(np.sum((lines - basis @ (basis.T @ lines)) ** 2) / np.sum(lines**2))
 
 
 def check_world_axes(header, shape, name):
@@ -130,3 +140,78 @@ def turn_of(stored, axes, world, name):
         long.append(short.pop())
     places = {n_axes - 1 - world[word]: axis for word, axis in zip(words, sorted(long), strict=True)}
     return tuple(places[place] if place in places else short.pop() for place in range(n_axes))
+
+
+def fits_in(folder):
+    """The FITS files in a folder in the order of their names, and a sentence on others, if any, in a list."""
+    try:
+        entries = sorted(folder.iterdir())
+    except OSError as error:
+        raise InputError(f"the folder {folder} cannot be read ({error.strerror}).") from None
+    paths = [path for path in entries if format_of(path) == "FITS" and not path.name.startswith(".")]
+    if not paths:
+        raise InputError(f"the folder {folder} holds no FITS file.")
+    paths.sort(key=lambda path: (_numbers_in(path.name), _numbers_in(path.name, _DIGITS)))
+    others = [path.name for path in entries if path not in paths]
+    more = ", ..." if len(others) > _LISTED else ""
+    listing = f"{', '.join(others[:_LISTED])}{more}"
+    return paths, [f"{len(others)} more in the folder, no maps, left out: {listing}."] if others else []
+
+
+def _numbers_in(name, pattern=_DECIMALS):
+    """A name as [text, number, text, ...]; numbers as decimals or, with `_DIGITS`, as digits alone."""
+    parts = pattern.split(name)
+    return [float(re.sub("[p,]", ".", part)) if n % 2 else part for n, part in enumerate(parts)]
+
+
+def check_names(names, freqs):
+    """Refuse frequencies (n,), MHz, that are given to files in another order than their names have.
+
+    Names that have a number each near the frequencies, in any unit of these or as redshifts, must have that
+    of their own; names whose order depends on how decimals are written, or on which of several numbers
+    counts, must have such numbers.
+
+    Raises
+    ------
+    InputError
+        They do not.
+    """
+    split = [_numbers_in(name) for name in names]
+    alike = len({tuple(parts[::2]) for parts in split}) == 1
+    step = np.median(np.abs(np.diff(np.sort(freqs)))) if len(freqs) > 1 else 0.0
+    columns = np.array([parts[1::2] for parts in split]).T if alike else ()
+    columns = [column for column in columns if len({*column}) == len(names)]
+    near = False
+    for column in columns:
+        may_be = [(factor * column, _SHARE * step) for factor in _IN_NAMES]
+        for numbers, reach in (*may_be, (LINE / (1 + column), np.inf)):  # redshifts are rounded more
+            if np.median(np.abs(np.sort(numbers) - np.sort(freqs))) > step:
+                continue
+            near = True
+            other = (np.argsort(numbers) != np.argsort(freqs)) | (np.abs(numbers - freqs) > reach)
+            if other.any():
+                n = int(other.argmax())
+                raise InputError(
+                    f"--freqs are given to the files in the order of their names, and {names[n]} would have "
+                    f"{freqs[n]:.10g} MHz: sort --freqs as the numbers in the names are, or rename the files."
+                )
+    by_digits = sorted(names, key=lambda name: _numbers_in(name, _DIGITS))
+    for order in (by_digits, *([names[n] for n in np.argsort(column)] for column in columns)):
+        if not near and list(names) != order:
+            raise InputError(
+                f"the order of the files is {', '.join(names[:3])}, ... by the first number in their names "
+                f"and {', '.join(order[:3])}, ... by another, or if it is no decimal: rename the files so "
+                "that the first number that differs has as many digits in all names and is the only one."
+            )
+
+
+def stated_freqs(names, called, in_headers=()):
+    """What a `Layout` has of frequencies, a dict: in all names or headers; both must agree."""
+    stated = [freqs_in(name) for name in names]
+    if all(len(freqs) == 1 for freqs in stated):
+        several = zip(stated, in_headers or [None] * len(names), names, strict=True)
+        freqs = [agreed(*in_name, in_header, name) for in_name, in_header, name in several]
+        return {"freqs": np.array(freqs), "freqs_from": called}
+    if in_headers and None not in in_headers:
+        return {"freqs": np.array(in_headers), "freqs_from": "FREQ in the headers"}
+    return {}

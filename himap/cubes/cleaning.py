@@ -156,7 +156,7 @@ def method_for(cube, method, *, beams=None, **parameters):
     if by_line and n_seen < n_channels:  # a few of the spectra would explain all lines of sight
         raise InputError(
             f"{remover.name} finds spectra in the lines of sight, and of these only {n_seen} are seen, fewer "
-            f"than the {n_channels} channels: HI would be taken for foreground. Keep more of the sky."
+            f"than the {n_channels} channels: HI would be removed as foreground. Keep more of the sky."
         )
     remover.check_data(_data_of(cube, remover, beams))
     return remover
@@ -190,7 +190,7 @@ def with_enough_channels(cube, method, *, peaks=True):
 
 
 def beams_of(cube, beam, *, dish=None):
-    """b_l of every channel of a `Cube`, (n_channels, 3 nside), or as far as a file tells them.
+    """b_l of every channel of a `Cube`, (n_channels, 3 nside), or as far as a file has them.
 
     Parameters
     ----------

@@ -80,9 +80,9 @@ def plain_band(name):
     return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
 
 
-def corrected_parts(corrected, n_mocks):
+def corrected_parts(corrected):
     """Parts of a page: both spectra, as they are and corrected, their transfer functions, and a table."""
-    n_sources = corrected["angular"].n_sources
+    n_sources, n_mocks = corrected["angular"].n_sources, len(corrected["angular"].sample)
     used = "" if n_sources is None else f", with {n_sources} sources"
     text = (
         f"Each of {n_mocks} mocks took the place of the HI and noise of the cube, and was cleaned with its "
@@ -113,13 +113,14 @@ def corrected_parts(corrected, n_mocks):
     return [figure(picture, alt, text, title="Corrected spectra"), *tables]
 
 
-def write_spectra(corrected, path):
+def write_spectra(corrected, path, scatter=None):
     """Write both spectra as CSV, one l or k a line; NaN where something is not known.
 
     Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), and of `Corrected` ``residual``
     (mK^2, or mK^2 MHz), ``transfer_function``, ``corrected``, ``sigma`` and ``sample`` (both relative),
     ``foreground``, ``systematic`` and ``truth`` (as ``residual``); for each mock also ``error_1`` and so on,
-    of which `himap.measures.bootstrap.covariance` is the relative covariance of lines or of means over them.
+    of which `himap.measures.bootstrap.covariance` is the relative covariance of lines or of means over them;
+    of the `Scatter` of restarts also its `columns`.
     """
     tables = []
     for kind, one in corrected.items():
@@ -128,5 +129,6 @@ def write_spectra(corrected, path):
         columns |= {"sigma": one.sigma(each), "sample": one.sigma(each, "sample")}
         columns |= {"foreground": one.foreground, "systematic": one.systematic, "truth": one.truth}
         columns |= {f"error_{n}": errors for n, errors in enumerate(one.errors, 1)}
+        columns |= {} if scatter is None else scatter.columns(kind, one.x)
         tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))
     pd.concat(tables).to_csv(path, index=False, float_format="%.8g", na_rep="nan")

@@ -75,10 +75,6 @@ class Cube:
         """Of HEALPix maps; InputError for an image in the plane."""
         return self.layout.pixels.nside
 
-    def check_sphere(self):
-        """Refuse an image in the plane, with an InputError, where multipoles are asked for."""
-        return self.nside
-
     @property
     def whole_sky(self):
         """Whether the whole sphere is seen."""
@@ -110,10 +106,6 @@ class Cube:
         """
         mask, layout = read_mask(path, self.layout, rotate=rotate)
         return replace(self, layout=layout).within(mask)
-
-    def joined(self, label, frame, spectral_frame=None, **options):
-        """The same `Cube` with the frames of others; as of `himap.cubes.layout.Layout.joined`."""
-        return replace(self, layout=self.layout.joined(label, frame, spectral_frame, **options))
 
     def within(self, mask):
         """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, of its pixels, keeps.
@@ -227,7 +219,6 @@ def make_cube(maps, layout, *, weights=None):
     weights
         Of its voxels, (n_in_file, n_pix), 0 where missing (`himap.cubes.weights.voxel_weights`).
     """
-    area, n_in_file = layout.pixels.area, len(maps)
     # float16 ends at 65504, and longer floats take room.
     floats = np.float32 if np.result_type(maps.dtype, np.float32) == np.float32 else np.float64
     if weights is None:
@@ -253,7 +244,8 @@ def make_cube(maps, layout, *, weights=None):
         out[:] = layout.in_ring(maps[place].astype(floats, copy=False))[mask] * factor
     if weights is not None:
         weights = np.array([layout.in_ring(weights[place])[mask] for place in channels])
-    remarks = _left_out(n_in_file - len(channels), n_in_file, mask, area, weights)
+    freqs = layout.freqs[channels]
+    remarks = _remarks_on(lines, freqs, mask, weights, layout)
     if weights is None and are_scattered(maps):
         remarks.append(
             "Pixels that some channels miss are masked in all; methods that take weights keep what is seen "
@@ -265,12 +257,11 @@ def make_cube(maps, layout, *, weights=None):
             f"the file has floats of 16 bits, which round its brightest voxels by up to {rounding:.2g} mK, "
             "where HI is of the order of 0.1 mK: write float32."
         )
-    freqs = layout.freqs[channels]
     return Cube(
         maps=lines,
         freqs=freqs,
         mask=mask,
-        layout=replace(layout, channels=channels).noted(*remarks, *_oddities(lines, freqs)),
+        layout=replace(layout, channels=channels).noted(*remarks),
         weights=None if weights is None else checked_weights(weights, weights.shape)[1],
     )
 
@@ -291,12 +282,16 @@ def _seen_channels(seen, freqs):
     return channels
 
 
-def _left_out(n_blind, n_channels, mask, area, weights):
-    """What is not seen, a list of sentences."""
+def _remarks_on(maps, freqs, mask, weights, layout):
+    """What is not seen of a cube, and what may be a mistake in it, a list of sentences."""
+    if not maps.any():
+        raise InputError("all maps are zero.")
     remarks, where = [], "every" if weights is None else "some"
-    if n_blind:
-        remarks.append(f"{n_blind} of {n_channels} channels see nothing and are left out.")
+    n_channels = len(layout.freqs)
+    if len(freqs) < n_channels:
+        remarks.append(f"{n_channels - len(freqs)} of {n_channels} channels see nothing and are left out.")
     if not mask.all():
+        area = layout.pixels.area
         remarks.append(f"{mask.mean():.1%} of {area} is seen in {where} channel; the rest is masked.")
     if weights is not None and (weights == 0).any():
         remarks.append(
@@ -304,14 +299,6 @@ def _left_out(n_blind, n_channels, mask, area, weights):
             "no weight): they have no weight, their residual is not known, and the spectra have 0 in "
             "their place."
         )
-    return remarks
-
-
-def _oddities(maps, freqs):
-    """What may be a mistake, a list of sentences: zeros, constant channels, uneven ones."""
-    if not maps.any():
-        raise InputError("all maps are zero.")
-    remarks = []
     constant = [freq for freq, pixels in zip(freqs, maps, strict=True) if pixels.min() == pixels.max()]
     if constant and maps.shape[1] > 1:
         names = ", ".join(f"{freq:g}" for freq in constant[:5])

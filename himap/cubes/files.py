@@ -1,6 +1,7 @@
 """Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
 
 import operator
+import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -9,30 +10,21 @@ import numpy as np
 
 from himap.core.checks import real_array
 from himap.core.errors import InputError
-from himap.core.memory import PROCESS, check_room
 from himap.core.reading import format_of, mapped_array, read_array, read_numbers, reading, regular_file
 from himap.cubes import fits, hdf5
-from himap.cubes.axes import pixel_axis, remark_on_axes
+from himap.cubes.axes import check_names, pixel_axis, remark_on_axes
 from himap.cubes.cube import are_scattered, make_cube
 from himap.cubes.image_files import check_no_flux
 from himap.cubes.layout import Layout, check_cube_room, same_freqs
-from himap.cubes.names import check_names, fits_in, unlike_names
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
 from himap.maps.frames import frame_of, is_nested
 from himap.maps.healpix_io import temperature_unit
 from himap.maps.sphere import sphere_sizes
-from himap.removal.gnilc import LINE
 
-_HELD = 4  # cubes in float32 that cleaning holds at once beside the one in the file; measured with 0.1 GB
+_HELD = 4  # cubes in float32 that cleaning holds at once besides that in the file; measured with 0.1 GB
 _HELD_TRUTH = 2  # more of them for a truth
 _HELD_WEIGHTS = 3  # more of them for weights
-_UNIT_IN = {
-    "image": "as BUNIT in the header",
-    "HDF5": "as the attribute unit of the dataset",
-    "npy": "which is given with unit= (--unit)",
-    **dict.fromkeys((None, "FITS"), "as TUNIT of each column, which healpy.write_map(column_units=) does"),
-}
-_REDSHIFT = 1e-5  # the same of redshifts, which have six digits
+_UNIT_IS = "as BUNIT in a header, TUNIT of each column of a table, or the attribute unit of a dataset"
 
 
 def read_cube(
@@ -103,24 +95,12 @@ def read_cube(
         if weighed:
             weights, layout = voxel_weights(maps, layout, weights=weights, flags=flags, rotate=rotate)
         elif scattered and are_scattered(maps):
-            check_room(f"work on {path}", PROCESS + 4 * (_HELD + _HELD_WEIGHTS) * maps.size)
+            check_cube_room(path, maps.size, 0, _HELD + _HELD_WEIGHTS)
             weights, layout = voxel_weights(maps, layout)
         return make_cube(maps, layout, weights=weights)
 
 
-def read_truth(
-    path,
-    *,
-    cube=None,
-    freqs=None,
-    unit=None,
-    order=None,
-    frame=None,
-    maps_name=None,
-    freqs_name=None,
-    axes=None,
-    rotate=False,
-):
+def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, rotate=False, **given):
     """A `Cube` of the truth, or a mock, of another: options as in `read_cube`, where its file says nothing.
 
     Channels that the file of the other, `cube`, has, but `cube` has not, are left out. Maps of the whole sky
@@ -135,23 +115,10 @@ def read_truth(
             names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
             maps, layout = read_file(path, **names, held=_HELD_TRUTH)
         pixels = layout.pixels
-        given = {"freqs": freqs, "unit": unit, "order": order, "frame": frame}
         stated = {"freqs": layout.freqs, "unit": layout.unit, "order": pixels.nested, "frame": pixels.frame}
-        unsaid = {name: value for name, value in given.items() if stated[name] is None}
+        unsaid = {name: value for name, value in given.items() if stated.get(name) is None}
         truth = make_cube(maps, completed(path, len(maps), layout, **unsaid))
     return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
-
-
-def frames_in(path):
-    """The frame of coordinates and SPECSYS that the headers of a file or folder state, without its maps.
-
-    Each None where nothing, or more than one, is stated.
-    """
-    path = fits_in(Path(path))[0][0] if Path(path).is_dir() else regular_file(path)
-    form = format_of(path)
-    with reading(path, form):
-        frames = {"HDF5": hdf5.frames_in_hdf5, "FITS": fits.frames_in_fits}.get(form)
-        return (None, None) if frames is None else frames(path)
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
@@ -165,7 +132,7 @@ def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
     path
         File or folder.
     maps_name, freqs_name
-        Datasets of an HDF5 file; found by their shapes and names unless given.
+        Datasets of an HDF5 file; known by their shapes and names unless given.
     axes
         As of `read_cube`.
     aside
@@ -184,10 +151,7 @@ def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
     InputError
         No such file, another format, a file that does not hold one cube, or too large a one.
     """
-    try:
-        is_folder = bool(str(path)) and Path(path).is_dir()
-    except (OSError, ValueError, RuntimeError):  # no name that a file can have
-        is_folder = False
+    is_folder = os.path.isdir(path)
     path = Path(path) if is_folder else regular_file(path)
     form = "folder" if is_folder else format_of(path)
     if form == "HDF5":
@@ -231,16 +195,20 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
         freqs, given_from = read_freqs(freqs)
         freqs_from = layout.freqs_from or given_from
     freqs = None if freqs is None else real_array("freqs", freqs).astype(float)
-    freqs = _either(path, "list of frequencies", layout.freqs, freqs, same=_same_list, shown=_listed)
+    both = {
+        "same": lambda one, other: one.shape == other.shape and same_freqs(one, other).all(),
+        "shown": partial(np.array2string, threshold=5, edgeitems=2),
+    }
+    freqs = _either(path, "list of frequencies", layout.freqs, freqs, **both)
     if freqs is None:
+        how = " Names of files state them where each has one number in MHz or GHz, as map_950.5MHz.fits has."
         raise InputError(
             f"{path} does not tell its frequencies; give them with freqs= (--freqs FILE), MHz, or name their "
-            f"dataset (--freqs-name). {layout.nearly}".rstrip()
+            f"dataset (--freqs-name).{how * bool(layout.names)}"
         )
     if freqs.shape != (n_channels,):
         raise InputError(
-            unlike_names(layout.names)
-            + f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}; if the "
+            f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}; if the "
             "axes of the array are others, name them in the order of numpy (--axes ra,dec,freq, dec,ra,freq "
             "and so on, or pixel,freq)."
         )
@@ -248,15 +216,14 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
         if layout.freqs is None:
             check_names(layout.names, freqs)
         ends = (f"{layout.names[n]} ({freqs[n]:.10g} MHz)" for n in (0, -1))
-        sentence = f"The first of its files is {', the last '.join(ends)}. {unlike_names(layout.names)}"
-        layout = replace(layout, remarks=(sentence.strip(), *layout.remarks))
+        sentence = f"The first of its files is {', the last '.join(ends)}."
+        layout = replace(layout, remarks=(sentence, *layout.remarks))
     if not pixels.whole_sky:
         check_no_flux(path, layout.unit or "")
         for name, value in {"order": order, "frame": frame}.items():
             if value is not None:
                 raise InputError(f"an image has no {name} of HEALPix pixels; leave --{name} {value} out.")
-    where = "image" if not pixels.whole_sky else None if Path(path).is_dir() else format_of(path)
-    read_unit = partial(temperature_unit, where=_UNIT_IN[where])
+    read_unit = partial(temperature_unit, where=_UNIT_IS)
     unit = _either(path, "unit", layout.unit, unit, same=lambda *both: len({*map(read_unit, both)}) == 1)
     if unit is None:
         raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
@@ -267,7 +234,7 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
         frame = _either(path, "frame", pixels.frame, frame)
         if nested is None:
             layout = layout.noted(
-                "the file does not say the order of its pixels: taken as RING (--order to change it)."
+                "the file does not say the order of its pixels: assumed to be RING (--order to change it)."
             )
         pixels = replace(pixels, nested=bool(nested), frame=frame)
     return replace(layout, pixels=pixels, freqs=freqs, freqs_from=freqs_from, unit=read_unit(unit))
@@ -283,16 +250,6 @@ def _either(path, what, stated, given, *, same=operator.eq, shown=str):
     return given if stated is None else stated
 
 
-def _same_list(first, second):
-    return first.shape == second.shape and same_freqs(first, second).all()
-
-
-def _listed(freqs):
-    """Frequencies in their order, for messages."""
-    texts = [f"{freq:g}" for freq in freqs.ravel()]
-    return f"{', '.join(texts if len(texts) < 5 else [*texts[:3], '...', texts[-1]])} MHz ({len(texts)})"
-
-
 def read_freqs(path):
     """Frequencies that a file states, (n,), in MHz, and what it states, in words.
 
@@ -300,7 +257,7 @@ def read_freqs(path):
     ----------
     path
         A .npy file or a text file with one number a line, the centre of a channel. Or a table of the edges of
-        channels that adjoin each other, as those of CRIME and CoLoRe, of which the means are taken: lower and
+        channels that adjoin each other, as those of CRIME and CoLoRe, whose means are the centres: lower and
         upper; before them the number of the channel, from 1, or nothing; behind them the redshifts of the
         upper and the lower edge, or nothing.
 
@@ -312,32 +269,19 @@ def read_freqs(path):
     numbers = read_numbers(regular_file(path, "file of frequencies"))
     if numbers.ndim == 1 or 1 in numbers.shape:
         return numbers.ravel(), "what was given"
-    edges = _edges(numbers) if numbers.ndim == 2 else None
-    if edges is None:
-        raise InputError(
-            f"{path} must have one frequency a line, the centre of a channel in MHz, or the edges of "
-            "channels that adjoin (lower upper, or number lower upper, or that and redshifts, as of CRIME); "
-            f"got a table of shape {numbers.shape}. Write the centres to a file, one a line, with decimal "
-            "points."
+    is_table = numbers.ndim == 2 and numbers.shape[1] in (2, 3, 5)
+    is_numbered = is_table and numbers.shape[1] > 2
+    if is_table and (not is_numbered or np.array_equal(numbers[:, 0], np.arange(1, len(numbers) + 1))):
+        lower, upper = numbers[:, is_numbered:][:, :2].T
+        adjoin = any(
+            same_freqs(end[:-1], start[1:]).all()  # edges that two channels share
+            for start, end in ((lower, upper), (upper, lower))
         )
-    return edges.mean(axis=1), f"the edges of channels in {path}"
-
-
-def _edges(table):
-    """Lower and upper edges, (n, 2), of a table that is exactly one of those of `read_freqs`, or None."""
-    n_rows, n_columns = table.shape
-    first = 0 if n_columns == 2 else 1
-    edges = table[:, first : first + 2]
-    if n_columns not in (2, 3, 5) or (first and not np.array_equal(table[:, 0], np.arange(1, n_rows + 1))):
-        return None
-    lower, upper = edges.T
-    adjoin = any(
-        same_freqs(end[:-1], start[1:]).all()  # edges that two channels share
-        for start, end in ((lower, upper), (upper, lower))
+        if adjoin and (lower > 0).all() and (lower < upper).all():
+            return (lower + upper) / 2, f"the edges of channels in {path}"
+    raise InputError(
+        f"{path} must have one frequency a line, the centre of a channel in MHz, or the edges of "
+        "channels that adjoin (lower upper, or number lower upper, or that and redshifts, as of CRIME); "
+        f"got a table of shape {numbers.shape}. Write the centres to a file, one a line, with decimal "
+        "points."
     )
-    if not (adjoin and (lower > 0).all() and (lower < upper).all()):
-        return None
-    redshifts = LINE / edges[:, ::-1] - 1
-    if n_columns == 5 and not np.allclose(table[:, 3:], redshifts, rtol=0, atol=_REDSHIFT):
-        return None
-    return edges

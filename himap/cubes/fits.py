@@ -2,17 +2,14 @@
 
 import re
 from dataclasses import replace
-from warnings import catch_warnings
 
 import numpy as np
-from astropy.io import fits
-from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
+from himap.cubes.axes import fits_in, stated_freqs
 from himap.cubes.image_files import holds_image, read_image_fits
 from himap.cubes.layout import Layout, check_cube_room, only_value, plain_pairs
-from himap.cubes.names import fits_in, stated_freqs
-from himap.maps.frames import frame_of, spectral_frame_of
+from himap.maps.frames import spectral_frame_of
 from himap.maps.healpix_io import freq_in_header, read_maps
 
 _STRUCTURE = re.compile(  # cards of a table of maps that are written anew, by what was read, or not at all
@@ -53,17 +50,8 @@ def read_fits(path, *, axes=None, held=1, logical=False):
     )
 
 
-def frames_in_fits(path):
-    """The frame and SPECSYS in the header of a file, as `himap.cubes.files.frames_in`."""
-    with catch_warnings(action="ignore", category=AstropyWarning), fits.open(path) as file:
-        first = next((hdu.header for hdu in file[1:] if hdu.header["NAXIS"]), {})
-        header = {**file[0].header, **first}
-    frame = frame_of(header.get("COORDSYS"), header.get("EQUINOX"), f"COORDSYS in {path}")
-    return frame, spectral_frame_of(header.get("SPECSYS"))
-
-
 def _about(headers):
-    """What all headers of tables say alike beside their structure, a dict, for `Layout.about`."""
+    """What all headers of tables say alike but for their structure, a dict, for `Layout.about`."""
     first, *others = headers
     pairs = plain_pairs({key: value for key, value in first.items() if not _STRUCTURE.fullmatch(key)})
     return {key: value for key, value in pairs.items() if all(each.get(key) == value for each in others)}
@@ -104,7 +92,7 @@ def read_folder(folder, *, axes=None, held=1):
 
     in_headers = [freq_in_header(file.header, path) for file, path in zip(files, paths, strict=True)]
     same("spectral frame", [spectral_frame_of(file.header.get("SPECSYS")) for file in files])
-    same("order of pixels", [{None: "none", True: "NESTED", False: "RING"}[file.nested] for file in files])
+    same("order of pixels", [{True: "NESTED", False: "RING"}.get(file.nested) for file in files])
     polarised = [f"Stokes Q and U in {n_polarised} of its files are left out."] if n_polarised else []
     maps = np.concatenate([file.maps for file in files])
     return maps, Layout.of_sphere(
@@ -116,5 +104,5 @@ def read_folder(folder, *, axes=None, held=1):
         about=_about([file.header for file in files]),
         names=tuple(names),
         remarks=(*left_out, *polarised),
-        **stated_freqs(names, "the names of its files", in_headers, paths),
+        **stated_freqs(names, "the names of its files", in_headers),
     )

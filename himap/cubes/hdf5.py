@@ -49,10 +49,12 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
                     f"{item.name[1:]} in {path} must be (n_channels, n_pix) with n_pix = 12 nside^2, got "
                     f"{item.shape}."
                 )
-            pixels, remarks = pixel_axis(item.shape, axes or _axes_of(file, item.shape))
+            is_freqs = [n in _frequencies_in(file).values() for n in item.shape]
+            if axes is None and sum(is_freqs) == 1:
+                axes = "freq,pixel" if is_freqs[0] else "pixel,freq"
+            pixels, remarks = pixel_axis(item.shape, axes)
             stated = {"remarks": remarks, **_freqs_of(file, freqs_name, item.shape[1 - pixels])}
         check_cube_room(path, item.shape[0] * float(item.shape[-1]), item.dtype.itemsize, held)
-        file.check_no_mask(item.shape)
         maps = file.values(item, part)
         maps = maps if pixels else maps.T
         layout = Layout.of_sphere(maps, **file.stated(item), **stated)
@@ -99,20 +101,6 @@ def read_dataset(path, word, *, held=1):
         return values, file.stated(item) | _freqs_of(file, None, min(values.shape, default=0))
 
 
-def frames_in_hdf5(path):
-    """The frame and SPECSYS that all arrays of two axes or more in a file state, as `files.frames_in`."""
-    with access.opened(path) as file:
-        stated = [file.stated(item) for item in file.arrays.values() if item.ndim > 1]
-    frames = {one["frame"] for one in stated}, {one["about"].get("SPECSYS") for one in stated}
-    return tuple(one.pop() if len(one) == 1 else None for one in frames)
-
-
-def _axes_of(file, shape):
-    """The axes of maps of this shape, if as many frequencies are stated as one of them is long; or None."""
-    fits = [n in _frequencies_in(file).values() for n in shape]
-    return {(True, False): "freq,pixel", (False, True): "pixel,freq"}.get(tuple(fits))
-
-
 def _frequencies_in(file):
     """{name: how many} of the datasets that are named as frequencies are."""
     lines = {name: len(item) for name, item in file.arrays.items() if item.ndim == 1}
@@ -120,71 +108,56 @@ def _frequencies_in(file):
 
 
 def _freqs_of(file, name, n_channels):
-    """What a `Layout` has of frequencies, in MHz: those and what states them, or what nearly does, a dict."""
+    """What a `Layout` has of frequencies, in MHz: those and what states them, a dict."""
     if name is not None and file.get(name, "--freqs-name").shape != (n_channels,):
         raise InputError(
             f"{file.path} must have a dataset {name} of {n_channels} frequencies; it has {file.listing()}."
         )
     lines = {name: n_channels} if name else _frequencies_in(file)
-    named = {dataset: _in_mhz(file, dataset) for dataset, n in lines.items() if n == n_channels}
-    if named:
-        first, *others = named
-        if any(not np.array_equal(named[first], named[other]) for other in others):
+    named = {}
+    for dataset in (dataset for dataset, n in lines.items() if n == n_channels):
+        unit = access.text_of(file.arrays[dataset], *access.UNITS)
+        unit = unit or _IN_UNIT.get(access.last_part(dataset), "MHz")
+        try:
+            factor = float(u.Unit(unit).to(u.MHz))
+        except (ValueError, TypeError, RecursionError, u.UnitConversionError):
             raise InputError(
-                f"{file.path} has several datasets of frequencies: {', '.join([*named][:LISTED])}. Name the "
-                "right one with --freqs-name."
-            )
-        return {"freqs": named[first], "freqs_from": f"the dataset {first}"}
-    for dataset, n in lines.items():
-        text = f"It has {n_channels} channels, and {n} frequencies in the dataset {dataset}"
-        return {"nearly": f"{text}: there must be one for each channel."}
-    for item in (*file.arrays.values(), file.file):
-        for key in item.attrs:
-            if key.lower() in {*_FREQUENCIES, *_IN_UNIT} and np.size(item.attrs[key]) == n_channels:
-                return {"nearly": f"It has an attribute {key} of that many numbers: write it as a dataset."}
-    return {}
-
-
-def _in_mhz(file, name):
-    """Frequencies in MHz, by their unit; without one they are taken to be that."""
-    stated, named = access.text_of(file.arrays[name], *access.UNITS), _IN_UNIT.get(access.last_part(name))
-    try:
-        factor = float(u.Unit(stated or named or "MHz").to(u.MHz))
-    except (ValueError, TypeError, RecursionError, u.UnitConversionError):
+                f"frequencies must be in Hz, MHz or GHz, {dataset} in {file.path} says {unit!r}."
+            ) from None
+        named[dataset] = file.values(file.get(dataset)).astype(float) * factor
+    if not named:
+        return {}
+    first, *others = named
+    if any(not np.array_equal(named[first], named[other]) for other in others):
         raise InputError(
-            f"frequencies must be in Hz, MHz or GHz, {name} in {file.path} says {stated!r}."
-        ) from None
-    if stated and named and not np.isclose(factor, u.Unit(named).to(u.MHz)):
-        raise InputError(
-            f"the dataset {name} in {file.path} says {stated!r}, which is not the unit of its name."
+            f"{file.path} has several datasets of frequencies: {', '.join([*named][:LISTED])}. Name the "
+            "right one with --freqs-name."
         )
-    return file.values(file.get(name)).astype(float) * factor
+    return {"freqs": named[first], "freqs_from": f"the dataset {first}"}
 
 
 def _container_axes(file, maps):
     """Which part of the `maps` of a container is Stokes I, and what its `Layout` has of channels, a dict."""
     path, (n_channels, n_pols, n_pix) = file.path, maps.shape
-    axes = [access.decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
-    if axes != _MAP_AXES or not sphere.is_n_pix(n_pix):
-        raise InputError(
-            f"{MAP} in {path} must have the axes (freq, pol, pixel) and 12 nside^2 pixels, got {axes} and "
-            f"{maps.shape}."
-        )
     for name in (_MAP_POLS, _MAP_FREQS):
         if name not in file.items:
             raise InputError(f"{path} has {MAP} (freq, pol, pixel), but no {name} in its own file.")
+    axes = [access.decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
     names, freqs = (access.read_stored(file.get(name), path) for name in (_MAP_POLS, _MAP_FREQS))
     names = [access.decoded(name) for name in names.ravel()]
     freqs = freqs["centre"] if "centre" in (freqs.dtype.names or ()) else freqs
-    if len(names) != n_pols or names.count("I") != 1:
+    is_right = axes == _MAP_AXES and sphere.is_n_pix(n_pix) and len(names) == n_pols
+    if not (is_right and freqs.shape == (n_channels,) and freqs.dtype.kind in "fiu"):
         raise InputError(
-            f"{_MAP_POLS} in {path} must be the names of {n_pols} polarisations and have I once, got "
-            f"{', '.join(names)}; write the intensity of each channel to a dataset of (channels, pixels)."
+            f"{path}: a container must have {MAP} with the axes (freq, pol, pixel) and 12 nside^2 pixels, "
+            f"as {_MAP_POLS} the names of its polarisations and as {_MAP_FREQS} a frequency for each channel "
+            f"in MHz, or a table with a column centre; got axes {axes} of {maps.shape}, {len(names)} names "
+            f"and frequencies {freqs.dtype} {freqs.shape}. Write the intensity as (channels, pixels)."
         )
-    if freqs.shape != (n_channels,) or freqs.dtype.kind not in "fiu":
+    if names.count("I") != 1:
         raise InputError(
-            f"{_MAP_FREQS} in {path} must be {n_channels} numbers, or a table with a column centre, in MHz; "
-            f"got {freqs.dtype} {freqs.shape}."
+            f"{_MAP_POLS} in {path} must have I once, got {', '.join(names)}; write the intensity of each "
+            "channel to a dataset of (channels, pixels)."
         )
     others = ", ".join(name for name in names if name != "I")
     stated = {"freqs": freqs.astype(float), "freqs_from": f"{_MAP_FREQS} of the container"}

@@ -1,6 +1,5 @@
 """HDF5 files that are locked, their datasets by name, packed ones, and attributes as text and numbers."""
 
-import re
 from contextlib import contextmanager, suppress
 
 import h5py
@@ -10,16 +9,10 @@ from himap.core.errors import InputError
 from himap.core.reading import reading
 from himap.cubes.layout import plain_pairs
 from himap.maps.frames import frame_of, is_nested
-from himap.maps.sphere import sphere_sizes
 
-_MISSING, _SCALE, _LIMITS = (  # of netCDF
-    ("_FillValue", "missing_value"),
-    ("scale_factor", "add_offset"),
-    ("valid_min", "valid_max", "valid_range"),
-)
-_PACKING = dict.fromkeys((*_MISSING, *_SCALE, *_LIMITS), "a number")  # and what each must be
-_PACKING |= {"valid_range": "two numbers", "scale_factor": "a finite number other than 0"}
-_PACKING |= {"add_offset": "a finite number"}
+_PACKING = {"_FillValue": 1, "missing_value": None, "scale_factor": 1, "add_offset": 1}
+_PACKING |= {"valid_min": 1, "valid_max": 1, "valid_range": 2}  # of netCDF, how many numbers; None for any
+_SCALE = ("scale_factor", "add_offset")
 
 UNITS = ("unit", "bunit")
 """Attributes with a unit; the names of others follow."""
@@ -40,9 +33,6 @@ _MASKS = {"mask", "masks", "flag", "flags"}
 _WRITTEN = ["foreground", "residual"]  # the maps of a cleaned cube
 _DEEPEST, _MOST = 32, 10_000  # groups in groups, and items: beyond, a file is made to keep readers busy
 
-_FILTERS = {32001: "blosc", 32004: "lz4", 32008: "bitshuffle", 32013: "zfp", 32015: "zstd", 32026: "blosc2"}
-_HELD_ELSEWHERE = (11, 13, 35)  # errno of a file that another process locks; others: the drive has no locks
-
 
 @contextmanager
 def opened(path, aside=()):
@@ -51,16 +41,12 @@ def opened(path, aside=()):
         try:
             file = h5py.File(path, "r")
         except OSError as error:
-            number = re.search(r"unable to lock file, errno = (\d+)", str(error))
-            if number is not None and int(number[1]) not in _HELD_ELSEWHERE:
+            if "unable to lock file" in str(error) or "already open for write" in str(error):
                 raise InputError(
-                    f"{path} cannot be locked: its drive has no locks. If no program writes to it, set the "
-                    "environment variable HDF5_USE_FILE_LOCKING=FALSE and try again."
-                ) from None
-            if number is not None or "already open for write" in str(error):
-                raise InputError(
-                    f"{path} is open for writing in another program, such as a notebook: close it there "
-                    "(file.close()). After a program that crashed, h5clear -s makes it readable."
+                    f"{path} cannot be locked: it is open for writing in another program, such as a notebook "
+                    "(close it there, file.close(); after a program that crashed, h5clear -s makes it "
+                    "readable), or its drive has no locks (if no program writes to it, set the environment "
+                    "variable HDF5_USE_FILE_LOCKING=FALSE)."
                 ) from None
             raise
         with file:
@@ -75,9 +61,7 @@ class Datasets:
     items
         {name: dataset}, of all.
     arrays, masks
-        Those of real numbers, and those that are called masks, whatever is in them; without what is `aside`.
-    complex
-        Those of complex numbers, which are no maps.
+        Those of numbers, and those that are called masks, whatever is in them; without what is `aside`.
     elsewhere
         Names of links to other files.
     remarks
@@ -91,9 +75,9 @@ class Datasets:
         file.visititems(self._add)  # each item once, whatever links lead to it
         known = {name: item for name, item in self.items.items() if last_part(name) not in aside}
         self.masks = {name: item for name, item in known.items() if last_part(name) in _MASKS}
-        known = {name: item for name, item in known.items() if name not in self.masks}
-        self.arrays = {name: item for name, item in known.items() if _has_kind(item, "fiu")}
-        self.complex = {name: item for name, item in known.items() if _has_kind(item, "c")}
+        self.arrays = {
+            name: item for name, item in known.items() if name not in self.masks and _has_numbers(item)
+        }
 
     def _add(self, name, item):
         self._n += 1
@@ -110,27 +94,26 @@ class Datasets:
 
     @property
     def is_container(self):
-        """Whether it is a container of maps: `map` of three axes beside an `index_map`."""
+        """Whether it is a container of maps: `map` of three axes and an `index_map`."""
         has_index = any(name.startswith("index_map/") for name in {*self.items, *self.elsewhere})
         return has_index and MAP in self.arrays and self.arrays[MAP].ndim == 3
 
     def get(self, name, option=None):
         """The dataset called `name`, if its numbers are in this file; `option` of the command may give it."""
-        if option is not None and name in self.elsewhere:
-            raise InputError(f"{name} in {self.path} is a link to another file; name that file instead.")
-        if option is not None and name in self.complex:
-            raise InputError(
-                f"{name} in {self.path} has complex numbers, and maps are real: if its real part is the sky, "
-                f"write that, file[{name!r}][...].real, to a dataset of its own."
-            )
         if option is not None and name not in self.arrays:
             raise InputError(
-                f"{self.path} has no dataset {name}; it has {self.listing()}. Name one of these ({option})."
+                f"{self.path} has no dataset {name} of its own; it has {self.listing()}. Name one of these "
+                f"({option}), or the file that it is in."
             )
         item = self.items[name]
         if item.is_virtual or item.external:
             raise InputError(
                 f"the numbers of {name} in {self.path} are in another file; write them into one (h5repack)."
+            )
+        if item.dtype.kind == "c":
+            raise InputError(
+                f"{name} in {self.path} has complex numbers, and maps are real: if its real part is the sky, "
+                f"write that, file[{name!r}][...].real, to a dataset of its own."
             )
         return item
 
@@ -139,9 +122,8 @@ class Datasets:
         if "himap" in self.file.attrs and {*_WRITTEN} <= {*fitting}:  # and mixing, of 12 nside^2 channels
             self.remarks.append("the residual of a cleaned cube is read, and not its foreground (--maps).")
             return _WRITTEN[1]
-        cubes = [name for name, item in self.complex.items() if item.ndim == 2 and sphere_sizes(item.shape)]
-        if len(fitting or cubes) == 1:
-            return (fitting or cubes)[0]  # of complex numbers `get` says what to do
+        if len(fitting) == 1:
+            return fitting[0]
         more = ", ..." if len(fitting) > LISTED else ""
         listing = f"{len(fitting)} are: {', '.join(fitting[:LISTED])}{more}"
         raise InputError(
@@ -152,24 +134,21 @@ class Datasets:
     def listing(self):
         """What there is, for messages."""
         texts = [f"{name} {item.shape}" for name, item in self.arrays.items()]
-        texts += [f"{name} {item.shape} of complex numbers" for name, item in self.complex.items()]
         texts += [f"{name} in another file" for name in sorted(self.elsewhere)]
         more = [f"and {len(texts) - LISTED} more"] if len(texts) > LISTED else []
         return "; ".join(texts[:LISTED] + more) or "no arrays of numbers"
 
-    def check_no_mask(self, shape):
-        """Refuse a mask beside the maps: whether its 1 means kept or masked only its author knows."""
-        ends = (shape[0], shape[-1])
-        alike = {shape, shape[::-1], ends, ends[::-1], *((n,) for n in sphere_sizes(ends))}
-        for name in (name for name, item in self.masks.items() if item.shape in alike):
+    def check_pixels(self, item, pixels):
+        """Refuse a mask next to maps, another nside than that of their `pixels`, and pixels in another order.
+
+        Whether the 1 of a mask means kept or masked only its author knows.
+        """
+        for name in (name for name, one in self.masks.items() if pixels.shape[0] in (one.shape or ())):
             raise InputError(
                 f"{self.path} has a mask, {name}, and does not say whether 1 means kept or masked: make "
                 "the pixels that are not to be seen NaN in the maps, or write it as a FITS map of 1 where "
                 f"kept for --mask, and delete the dataset (del file[{name!r}])."
             )
-
-    def check_pixels(self, item, pixels):
-        """Refuse another nside beside a dataset of maps than theirs, and pixels in an order of their own."""
         nside = self.text(*_NSIDES, of=item)
         if nside not in (None, f"{pixels.nside}", f"{pixels.nside}.0"):
             raise InputError(f"{self.path} says nside {nside}, and {item.name[1:]} has {pixels}.")
@@ -197,31 +176,48 @@ class Datasets:
         """What the attributes of a dataset, and around it, say of it, for `Layout.of_sphere`, a dict."""
         pairs = {}
         for place in reversed(self._places(item)):  # what is closer to the dataset counts
-            pairs |= {name: _plain_value(place, name) for name in place.attrs}
-        spectral_frame = self.text(*_SPECTRAL, of=item)
-        about = plain_pairs(pairs, _STRUCTURE) | ({"SPECSYS": spectral_frame} if spectral_frame else {})
-        stated = {"unit": self.text(*UNITS, of=item), "about": about}
-        return stated | {"nested": self._is_nested(item), "frame": self._frame(item)}
-
-    def _frame(self, item):
+            for name in place.attrs:
+                with suppress(TypeError, OSError):  # a type that numpy does not have
+                    value = place.attrs[name]
+                    value = value.item() if isinstance(value, np.generic) else value
+                    pairs[name] = decoded(value) if isinstance(value, bytes) else value
+        about, spectral_frame = plain_pairs(pairs, _STRUCTURE), self.text(*_SPECTRAL, of=item)
+        about |= {"SPECSYS": spectral_frame} if spectral_frame else {}
         name = f"the frame of coordinates (an attribute of {self.path})"
-        stated = frame_of(self.text(*_FRAMES, of=item), name=name)
-        with suppress(InputError):  # netCDF lists other datasets there
-            return stated or frame_of(self.text("coordinate", of=item))
-        return None
-
-    def _is_nested(self, item):
+        frame = frame_of(self.text(*_FRAMES, of=item), name=name)
         order, nested = self.text(*_ORDERS, of=item), self.text(*_NESTED, of=item)
         words = {"True": "NESTED", "1": "NESTED", "False": "RING", "0": "RING"}
-        stated = {is_nested(word) for word in (order, words.get(nested, nested)) if word is not None}
-        if len(stated) > 1:
+        orders = {is_nested(word) for word in (order, words.get(nested, nested)) if word is not None}
+        if len(orders) > 1:
             raise InputError(f"{self.path} says two orders of pixels, {order} and {nested}; delete one.")
-        return next(iter(stated), None)
+        nested = next(iter(orders), None)
+        return {"unit": self.text(*UNITS, of=item), "about": about, "nested": nested, "frame": frame}
 
     def values(self, item, part=...):
         """(A part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with an offset."""
-        unsigned = str(self.text("_unsigned", of=item)).lower() == "true"
-        return _unpacked(item, self.path, read_stored(item, self.path, part), unsigned)
+        stored, numbers = read_stored(item, self.path, part), {}
+        for key in (key for key in _PACKING if key in item.attrs):
+            numbers[key] = np.ravel(item.attrs[key])
+            n_right = _PACKING[key] or numbers[key].size
+            is_right = numbers[key].dtype.kind in "fiu" and numbers[key].size == n_right
+            if not is_right or (key in _SCALE and not np.isfinite(numbers[key]).all()):
+                raise InputError(
+                    f"{key} of {item.name[1:]} in {self.path} must be numbers, {n_right}, and finite if "
+                    f"maps are scaled by it; got {item.attrs[key]!r}."
+                )
+        if str(self.text("_unsigned", of=item)).lower() == "true" and stored.dtype.kind == "i":
+            stored = stored.view(f"{stored.dtype.byteorder}u{stored.dtype.itemsize}")
+        if not numbers:
+            return stored
+        values = stored.astype(np.result_type(stored.dtype, np.float32))
+        for value in (*numbers.get("_FillValue", ()), *numbers.get("missing_value", ())):
+            values[stored == (stored.dtype.type(value) if stored.dtype.kind == "f" else value)] = np.nan
+        low, high = numbers.get("valid_range", (-np.inf, np.inf))
+        values[stored < max(low, *numbers.get("valid_min", [low]))] = np.nan
+        values[stored > min(high, *numbers.get("valid_max", [high]))] = np.nan
+        values *= values.dtype.type(numbers.get("scale_factor", [1])[0])
+        values += values.dtype.type(numbers.get("add_offset", [0])[0])
+        return values
 
 
 def last_part(name):
@@ -230,62 +226,22 @@ def last_part(name):
 
 
 def read_stored(item, path, part=...):
-    """(A part of) a dataset as it is stored; InputError where a filter it needs is not installed."""
+    """(A part of) a dataset as it is stored; InputError where it cannot be read."""
     try:
         return item[part]
-    except OSError:
-        how = item.id.get_create_plist()
-        filters = [how.get_filter(n) for n in range(how.get_nfilters())]
-        missing = [
-            _FILTERS.get(number, name.decode(errors="replace") or f"number {number}")
-            for number, _, _, name in filters
-            if not h5py.h5z.filter_avail(number)
-        ]
-        if not missing:
-            raise
+    except OSError as error:
         raise InputError(
-            f"{item.name[1:]} in {path} is compressed with a filter that is not installed here, "
-            f"{', '.join(missing)}: point HDF5_PLUGIN_PATH at it (that of the package hdf5plugin is "
+            f"{item.name[1:]} in {path} cannot be read ({error}). If it is compressed with a filter that is "
+            "not installed here, point HDF5_PLUGIN_PATH at it (that of the package hdf5plugin is "
             "hdf5plugin.PLUGIN_PATH), or write the file again with gzip where the filter is "
-            "(h5repack -f GZIP=4)."
+            "(h5repack -f GZIP=4); if not, the file is damaged."
         ) from None
 
 
-def _unpacked(item, path, stored, unsigned):
-    """The numbers `stored` of a dataset; `unsigned` says whether its integers are, though not by type."""
-    numbers = {}
-    for key, right in _PACKING.items():
-        numbers[key] = np.ravel(item.attrs[key]) if key in item.attrs else np.empty(0)
-        n_right = {"valid_range": 2, "missing_value": max(1, numbers[key].size)}.get(key, 1)
-        if key in item.attrs and (
-            numbers[key].dtype.kind not in "fiu"
-            or numbers[key].size != n_right
-            or (key in _SCALE and not np.isfinite(numbers[key]).all())
-            or (key == "scale_factor" and not numbers[key].all())
-        ):
-            raise InputError(f"{key} of {item.name[1:]} in {path} must be {right}, got {item.attrs[key]!r}.")
-    if unsigned and stored.dtype.kind == "i":
-        stored = stored.view(f"{stored.dtype.byteorder}u{stored.dtype.itemsize}")
-    if not any(values.size for values in numbers.values()):
-        return stored
-    values = stored.astype(np.result_type(stored.dtype, np.float32))
-    for value in (value for key in _MISSING for value in numbers[key]):
-        values[stored == (stored.dtype.type(value) if stored.dtype.kind == "f" else value)] = np.nan
-    for low in (*numbers["valid_range"][:1], *numbers["valid_min"]):
-        values[stored < low] = np.nan
-    for high in (*numbers["valid_range"][1:], *numbers["valid_max"]):
-        values[stored > high] = np.nan
-    for scale in numbers["scale_factor"]:
-        values *= values.dtype.type(scale)
-    for offset in numbers["add_offset"]:
-        values += values.dtype.type(offset)
-    return values
-
-
-def _has_kind(item, kinds):
-    """Whether a dataset has numbers of one of these kinds, letters as of numpy."""
+def _has_numbers(item):
+    """Whether a dataset has numbers."""
     try:
-        return item.dtype.kind in kinds and item.shape is not None
+        return item.dtype.kind in "fiuc" and item.shape is not None
     except TypeError:  # a type that numpy does not have
         return False
 
@@ -316,14 +272,3 @@ def decoded(value):
         return value.decode() if isinstance(value, bytes) else str(value)
     except UnicodeDecodeError:
         return value.decode("latin-1")
-
-
-def _plain_value(item, name):
-    """An attribute as text or a number, None if it is something else."""
-    try:
-        value = item.attrs[name]
-    except (TypeError, OSError):  # a type that numpy does not have
-        return None
-    if isinstance(value, str | bytes):
-        return decoded(value)
-    return value.item() if isinstance(value, np.generic) else None

@@ -2,12 +2,12 @@
 
 Images have two axes of the sky in any projection, and one of frequency. Axes may come in any order,
 frequencies may descend, and axes of length one (Stokes) are kept for the way back. Several images, in one
-file or in a folder, are the channels of one cube if they share the axes of the sky and no range of
-frequencies.
+file or in a folder, are the channels of one cube if they share the axes of the sky and no frequency.
 """
 
 import warnings
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from astropy import units as u
@@ -16,14 +16,13 @@ from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
 from himap.core.reading import reading
-from himap.cubes.axes import check_world_axes, turn_of
+from himap.cubes.axes import check_world_axes, stated_freqs, turn_of
 from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, image_name, world_of
 from himap.cubes.layout import Layout, check_cube_room, only_value
-from himap.cubes.names import stated_freqs
 from himap.maps.frames import spectral_frame_of
 from himap.maps.healpix_io import card_text, freq_in_header
 
-_LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is taken as Hz, and lies far below
+_LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is read as Hz, and lies far below
 _BEAMS = "BEAMS"  # the table of CASA, to which CASAMBM in a header refers
 _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 
@@ -63,15 +62,14 @@ def read_image_fits(paths, *, axes=None, held=1):
     Raises
     ------
     InputError
-        A file without such an image, axes of the sky that differ, frequencies that overlap, other units than
-        of temperature, or too large a cube.
+        A file without such an image, axes of the sky that differ, other units than of temperature, or too
+        large a cube.
     """
     remarks, parts = [], []
     for path in paths:
-        parts += _read(path, lambda file, path=path: _parts(path, file, axes, remarks))
+        read = partial(_parts, path, axes=axes, remarks=remarks, alone=len(paths) == 1)
+        parts += _read(path, read)
     _check_alike(parts)
-    if len(paths) > 1:  # whose tables may have one name
-        parts = [_without_tables(part, remarks) for part in parts]
     where, names = paths[0].parent if len(paths) > 1 else paths[0], [*map(str, parts)]
     units = [card_text(part.header, "BUNIT") for part in parts]
     pixels = ImagePixels(parts=tuple(parts))
@@ -86,21 +84,15 @@ def read_image_fits(paths, *, axes=None, held=1):
         out[:] = _read(part.path, part.read)
     stated = {"unit": only_value(where, "unit", units, names), "remarks": tuple(remarks)}
     stated["about"] = {"SPECSYS": frame} if frame else {}
-    return maps, Layout(pixels=pixels, **stated, **_freqs_of_images(parts))
-
-
-def _freqs_of_images(parts):
-    """What a `Layout` has of frequencies, a dict: those of the axes, or in the names of files of one each."""
-    several = len(parts) > 1
+    paths_of_parts = [part.path for part in parts]
     if parts[0].freqs is not None:
-        stated_by = "the axis FREQ" + (" of each image" if several else "")
-        return {"freqs": np.concatenate([part.freqs for part in parts]), "freqs_from": stated_by}
-    paths, stated, nearly = [part.path for part in parts], {}, "Its images have no axis FREQ."
-    if several and len(set(paths)) == sum(part.n_channels for part in parts):
+        stated["freqs"] = np.concatenate([part.freqs for part in parts])
+        stated["freqs_from"] = "the axis FREQ" + " of each image" * (len(parts) > 1)
+    elif len(parts) > 1 and len({*paths_of_parts}) == ends[-1]:  # a file for each channel
+        files = [path.name for path in paths_of_parts]
         in_headers = [freq_in_header(part.header, part.path) for part in parts]
-        names = [path.name for path in paths]
-        stated = stated_freqs(names, "the names of its files", in_headers, paths) | {"names": tuple(names)}
-    return stated if "freqs" in stated else stated | {"nearly": f"{nearly} {stated.get('nearly', '')}"}
+        stated |= {"names": tuple(files), **stated_freqs(files, "the names of its files", in_headers)}
+    return maps, Layout(pixels=pixels, **stated)
 
 
 def _read(path, read):
@@ -109,44 +101,29 @@ def _read(path, read):
         return read(file)
 
 
-def _parts(path, file, axes, remarks):
-    """The `ImagePart` of every image cube in an open file; what else is there is left out, and said."""
+def _parts(path, file, *, axes, remarks, alone):
+    """The `ImagePart` of every image cube in an open file; what else is there is left out, and said.
+
+    The table of the beam of each channel is kept of a file that is `alone`: those of several have one name.
+    """
     images = [n for n, hdu in enumerate(file) if has_image(hdu) and len(hdu.shape) > 1]
     if not images:
         raise InputError(f"{path} holds no image cube.")
-    worlds = {n: world_of(file[n].header, file) for n in images}
+    worlds = {n: world_of(file[n].header) for n in images}
     cubes = [n for n in images if worlds[n].wcs.spec >= 0]
     cubes = cubes or [n for n in images if len(file[n].shape) > 2] or images[:1]
-    tables = [hdu for hdu in file if _belongs_to(hdu, [file[n].header for n in cubes])]
+    tables = [hdu for hdu in file if alone and type(hdu) is fits.BinTableHDU and hdu.name == _BEAMS]
     parts = [_part(path, n, file[n].header, file[n].shape, worlds[n], axes) for n in cubes]
     parts[0] = replace(parts[0], tables=tuple(hdu.copy() for hdu in tables))
     rest = [(n, hdu) for n, hdu in enumerate(file) if n not in cubes and hdu not in tables]
     others = [hdu.name or f"HDU {n}" for n, hdu in rest if not isinstance(hdu, IMAGES) or hdu.shape]
     if others:
-        remarks.append(f"{path} holds {', '.join(others)} beside the cube, which is left out.")
-    if _BEAMS in [table.name for table in tables]:
-        remarks.append(f"{path} holds {_BEAMS} beside the cube, which is not used, but written again.")
+        remarks.append(f"{path} holds {', '.join(others)} too, which is left out.")
+    if tables:
+        remarks.append(f"{path} holds {_BEAMS} too, which is not used, but written again.")
+    for part in () if alone else parts:
+        part.header.remove("CASAMBM", ignore_missing=True)  # refers to such a table
     return parts
-
-
-def _belongs_to(hdu, headers):
-    """Whether it is a table that gives the numbers of images meaning: of the beam of each channel, as CASA
-    writes it, or of world coordinates (-TAB)."""
-    tables = {str(value) for header in headers for value in header["PS*_0"].values()} | {_BEAMS}
-    return isinstance(hdu, fits.BinTableHDU) and not isinstance(hdu, IMAGES) and hdu.name in tables
-
-
-def _without_tables(part, remarks):
-    """An `ImagePart` that needs none of its tables, which is said."""
-    if any(table.name != _BEAMS for table in part.tables):
-        raise InputError(
-            f"{part} has coordinates in a table (-TAB), as of several files none may: write linear axes, or "
-            "all channels to one file."
-        )
-    if part.tables:
-        remarks.append(f"The table {_BEAMS} in {part.path} is left out.")
-        part.header.remove("CASAMBM", ignore_missing=True)
-    return replace(part, tables=())
 
 
 def parts_of_headers(path, headers):
@@ -168,20 +145,28 @@ def _part(path, index, header, shape, wcs, axes=None):
     spectral = _spectral_axis(wcs, header, name)
     n_axes = max(wcs.naxis, len(shape), 3)
     stored = (1,) * (n_axes - len(shape)) + tuple(shape)
-    typed = {axis for axis in range(wcs.naxis) if not _has_no_type(wcs, axis)}
-    free = [axis for axis in range(n_axes) if axis not in typed]
-    if spectral is None:  # the first axis without type, of those that are longer than one if it can be
+    has_freqs = spectral is not None
+    if not has_freqs:  # the first axis without type, of those that are longer than one if it can be
+        free = [axis for axis in range(n_axes) if axis >= wcs.naxis or _has_no_type(wcs, axis)]
         long = [axis for axis in free if stored[n_axes - 1 - axis] > 1]
-        spectral, given_freqs = (long if long and axes is None else free)[0], False
-    else:
-        given_freqs = True
+        spectral = (long if long and axes is None else free)[0]
     turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
     shape = tuple(stored[axis] for axis in turn)
     _check_axes(wcs, shape, spectral, name)
     sky = sorted(n_axes - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
     first = n_axes - 1 - spectral
     rest = [axis for axis in range(n_axes) if axis not in (first, *sky)]
-    freqs = _freqs_along(wcs, spectral, shape[first], name) if given_freqs else None
+    freqs = None
+    if has_freqs:
+        line = wcs.sub([spectral + 1])
+        (values,) = line.wcs_pix2world(np.arange(shape[first]), 0)
+        freqs = np.asarray((values * u.Unit(line.wcs.cunit[0] or u.Hz)).to_value(u.MHz))
+        if not freqs.min() > _LOWEST:
+            raise InputError(
+                f"{name} has frequencies from {freqs.min():.4g} to {freqs.max():.4g} MHz, which looks like "
+                f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means "
+                "Hz."
+            )
     order = {"stored": stored, "turn": turn, "order": (first, *sky, *rest)}
     where = {"path": path, "index": index, "header": header.copy()}
     return ImagePart(**where, **order, freqs=freqs, celestial=wcs.celestial)
@@ -190,27 +175,11 @@ def _part(path, index, header, shape, wcs, axes=None):
 def check_no_flux(path, unit):
     """Refuse images in Jy, or in units of it, with what converts them."""
     if "jy" in unit.lower():
-        values, how = "values * u.Jy / u.beam", "freq, beam_area=..."  # not all spellings are astropy's
-        if "sr" in unit.lower():
-            values, how = f"values * u.Unit({unit!r})", "freq"
         raise InputError(
-            f"{path} is in {unit}, and a cube must be in K, mK or uK: convert every channel, of Jy/beam with "
-            f"the area of its beam, ({values}).to(u.K, u.brightness_temperature({how})) in astropy, and "
-            "write BUNIT = 'K'."
+            f"{path} is in {unit}, and a cube must be in K, mK or uK: convert every channel in astropy, as "
+            "(values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)), or values in "
+            "MJy/sr without beam_area, and write BUNIT = 'K'."
         )
-
-
-def _freqs_along(wcs, spectral, n_channels, name):
-    """MHz of the channels, by the axis FREQ."""
-    line = wcs.sub([spectral + 1])
-    (values,) = line.wcs_pix2world(np.arange(n_channels), 0)
-    freqs = np.asarray((values * u.Unit(line.wcs.cunit[0] or u.Hz)).to_value(u.MHz))
-    if not freqs.min() > _LOWEST:
-        raise InputError(
-            f"{name} has frequencies from {freqs.min():.4g} to {freqs.max():.4g} MHz, which looks like "
-            f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means Hz."
-        )
-    return freqs
 
 
 def _has_no_type(wcs, axis):
@@ -236,7 +205,7 @@ def _spectral_axis(wcs, header, name):
         )
     if axis < 0 and len(types) > 2 and not any(_has_no_type(wcs, n) for n in range(len(types))):
         raise InputError(
-            f"{name} has no axis FREQ, which tells the channels, but {listing}; write CTYPE, CRVAL, CRPIX, "
+            f"{name} has no axis FREQ, of the channels, but {listing}; write CTYPE, CRVAL, CRPIX, "
             "CDELT and CUNIT of the frequencies into its header, or make the CTYPE of channels that are "
             "numbered blank and give --freqs."
         )
@@ -265,7 +234,7 @@ def _check_axes(wcs, shape, spectral, name):
 
 
 def _check_alike(parts):
-    """Refuse images that do not share the axes of the sky, or do share a range of frequencies."""
+    """Refuse images that do not share the axes of the sky, or of which only some have frequencies."""
     first, *others = (ImagePixels(parts=(part,)) for part in parts)
     for part, pixels in zip(parts[1:], others, strict=True):
         if not first.same(pixels):
@@ -276,10 +245,3 @@ def _check_alike(parts):
     unstated = [part for part in parts if part.freqs is None]
     if unstated and len(unstated) < len(parts):
         raise InputError(f"{unstated[0]} has no axis FREQ, and other images have; write it into its header.")
-    ordered = [] if unstated else sorted(parts, key=lambda part: part.freqs.min())
-    for low, high in zip(ordered, ordered[1:], strict=False):
-        if high.freqs.min() <= low.freqs.max():
-            raise InputError(
-                f"the frequencies of {low} and {high} overlap, from {high.freqs.min():.10g} to "
-                f"{low.freqs.max():.10g} MHz; cut one of them, or write what is to be cleaned alone."
-            )

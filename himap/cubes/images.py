@@ -92,7 +92,11 @@ class ImagePart:
             if "WCSAXES" in header:
                 header["WCSAXES"] = max(n_axes, header["WCSAXES"])
         if self.freqs is None:
-            header.update(_freq_cards(freqs, n_axes - self.order[0]))
+            steps, axis = np.diff(freqs) if len(freqs) > 1 else np.ones(1), n_axes - self.order[0]
+            if np.allclose(steps, steps[0], rtol=_SAME, atol=0):  # others no such axis can state
+                cards_of_axis = {"CTYPE": "FREQ", "CRVAL": 1e6 * freqs[0], "CRPIX": 1.0}
+                cards_of_axis |= {"CDELT": 1e6 * steps[0], "CUNIT": "Hz"}
+                header.update({f"{key}{axis}": value for key, value in cards_of_axis.items()})
         for key in (*_STALE, *OURS):
             header.remove(key, ignore_missing=True)
         if card_text(header, "BUNIT") is None:
@@ -101,15 +105,6 @@ class ImagePart:
         if history:
             header.add_history(history)
         return kind(data=data.reshape(self.shape[len(self.shape) - n_axes :]), header=header)
-
-
-def _freq_cards(freqs, axis):
-    """Cards of an axis of evenly spaced frequencies, MHz; none for others, which no such axis can state."""
-    steps = np.diff(freqs) if len(freqs) > 1 else np.ones(1)
-    if not np.allclose(steps, steps[0], rtol=_SAME, atol=0):
-        return {}
-    values = {"CTYPE": "FREQ", "CRVAL": 1e6 * freqs[0], "CRPIX": 1.0, "CDELT": 1e6 * steps[0], "CUNIT": "Hz"}
-    return {f"{key}{axis}": value for key, value in values.items()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,8 +135,11 @@ class ImagePixels:
 
     @property
     def frame(self):
-        """Of the coordinates, as of `himap.maps.frames.frame_of`."""
-        return _frame_of(self.celestial)
+        """Of the coordinates, as of `himap.maps.frames.frame_of`; Galactic has no RADESYS."""
+        types, wcs = "".join(self.celestial.wcs.ctype), self.celestial.wcs
+        if "RA" in types:
+            return frame_of(wcs.radesys, wcs.equinox, "RADESYS")
+        return frame_of(types[:1], name="CTYPE")
 
     def __str__(self):
         (x, y), (n_y, n_x) = self.celestial.wcs.ctype, self.shape
@@ -177,11 +175,6 @@ class ImagePixels:
         """As of `SpherePixels`; the datasets have the header of each image, as FITS would have it."""
         empty = np.broadcast_to(np.float32(0), (len(layout.freqs), *self.shape))
         headers = [hdu.header for hdu in self._hdus(empty, layout, fits.PrimaryHDU)]
-        for header in headers:
-            for key in [key for key, value in header["CTYPE*"].items() if str(value).endswith("-TAB")]:
-                header[key] = ""  # whose table is not there: frequencies are
-                for card in [*header[f"PS{key[5:]}_*"], *header[f"PV{key[5:]}_*"]]:
-                    del header[card]
         axes = "frequency, then those of the sky as in numpy"
         attributes = {"axes": axes, "wcs": self.celestial.to_header_string()}
         return attributes, {HEADERS: [header.tostring() for header in headers]}
@@ -218,16 +211,8 @@ def image_name(path, index, header):
     return f"{path}, HDU {index}" + (f" ({name})" if name else "")
 
 
-def _frame_of(celestial):
-    """The frame of two axes of the sky, as of `himap.maps.frames.frame_of`; Galactic has no RADESYS."""
-    types, wcs = "".join(celestial.wcs.ctype), celestial.wcs
-    if "RA" in types:
-        return frame_of(wcs.radesys, wcs.equinox, "RADESYS")
-    return frame_of(types[:1], name="CTYPE")
-
-
-def world_of(header, file=None):
-    """The `WCS` of a header in an open file, which may have more axes than the array.
+def world_of(header):
+    """The `WCS` of a header, which may have more axes than the array.
 
     FREQ is known by other names too: in small letters, in full, and with a frame of AIPS behind it.
     """
@@ -237,10 +222,15 @@ def world_of(header, file=None):
         header["EQUINOX"] = equinox_of(header["EQUINOX"])
     for key in [key for key in header if key.startswith("CTYPE")]:
         name = str(header[key]).strip().upper()
+        if name.endswith("-TAB"):
+            raise InputError(
+                f"{key} of an image is {name}, coordinates in a table: make it blank in the header, and give "
+                "the frequencies of its channels (--freqs)."
+            )
         header[key] = _FREQ.sub("FREQ", name)
     try:
-        world = WCS(header, fobj=file)
-    except (WcsError, MemoryError) as error:  # no memory for a table (-TAB) that is not there
+        world = WCS(header)
+    except WcsError as error:
         why = " ".join(str(error).split())
         raise InputError(
             f"the world coordinates of an image cannot be understood ({why}): correct CTYPE, CUNIT and the "

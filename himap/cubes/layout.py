@@ -91,8 +91,6 @@ class Layout:
         MHz, of all channels in the file, those without a seen pixel included, (n_in_file,).
     freqs_from
         What states the frequencies, in words.
-    nearly
-        Where nothing does, a sentence on what nearly does.
     unit
         Of the file, as text; "K", "mK" or "uK" once it is complete.
     remarks
@@ -109,7 +107,6 @@ class Layout:
     pixels: object
     freqs: np.ndarray | None = None
     freqs_from: str | None = None
-    nearly: str = ""
     unit: str | None = None
     remarks: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
@@ -163,9 +160,9 @@ class Layout:
             raise InputError(f"only HEALPix maps are rotated: reproject {label} to the header of the cube.")
         if pixels.whole_sky and frame != pixels.frame:
             if frame is None:
-                said.append(f"{label} does not state its frame: taken as that of the cube, {mine}.")
+                said.append(f"{label} does not state its frame: assumed as that of the cube, {mine}.")
             elif pixels.frame is None:
-                said.append(f"the cube does not state its frame: taken as that of {label}, {theirs}.")
+                said.append(f"the cube does not state its frame: assumed as that of {label}, {theirs}.")
                 pixels = replace(pixels, frame=frame)
             elif not rotate:
                 raise InputError(
@@ -183,7 +180,7 @@ class Layout:
         mine, theirs = self.spectral_frame, spectral_frame_of(spectral_frame)
         if mine is None and theirs is not None:
             about = about | {"SPECSYS": theirs}
-            said.append(f"the cube does not state its spectral frame: taken as that of {label}, {theirs}.")
+            said.append(f"the cube does not state its spectral frame: assumed as that of {label}, {theirs}.")
         elif theirs not in (None, mine):
             raise InputError(
                 f"{label} must have the spectral frame of the cube, SPECSYS = {mine}, and has {theirs}; "
@@ -240,7 +237,7 @@ def only_value(path, what, values, names=()):
 def check_cube_room(path, n_values, itemsize, held):
     """Refuse a cube of `n_values` voxels of `itemsize` bytes before it is read, if work on it cannot fit.
 
-    `held` is how many cubes in float32 will be held at once, beside the one as it is in the file. Raises an
+    `held` is how many cubes in float32 will be held at once, besides that in the file. Raises an
     InputError.
     """
     check_room(f"work on {path}", PROCESS + n_values * (itemsize + 4 * held))

@@ -31,7 +31,7 @@ _FAINT = 1e-3  # of the faintest eigenvalue before: what cleaning took altogethe
 _CLEANED = {"label": "cleaned", "color": styles.BLUE}
 _SPECTRA = (
     "A smooth, steep rise towards the smallest k is foreground residual; a dip there is signal that "
-    "was taken. A bump at one k is a ripple of the instrument."
+    "was removed. A bump at one k is a ripple of the instrument."
 )
 _WEDGE = (
     "Foreground residual fills the smallest k_par, and where the beam changes with frequency a wedge "
@@ -159,7 +159,7 @@ def _spectra_parts(cube, spectra):
 
 
 def patches_part(cleaned, truth=None):
-    """A part of a page: `patch_power` of a `CleanedCube`, beside that of the truth, a `Cube`, if known."""
+    """A part of a page: `patch_power` of a `CleanedCube`, next to that of the truth, a `Cube`, if known."""
     cube, true = cleaned.cube, None
     try:
         power, n_patches = patch_power(cube, cleaned.residual)
@@ -176,7 +176,7 @@ def patches_part(cleaned, truth=None):
 
 
 def _cylindrical(power, true, text):
-    """P(k_perp, k_par), a `CylindricalPower`; beside that of the truth, and their ratio, if it is known."""
+    """P(k_perp, k_par), a `CylindricalPower`; next to that of the truth, and their ratio, if it is known."""
     shown, ratio = {"cleaned": power.power}, None
     if true is not None:
         shown["HI + noise"] = true.power
@@ -195,30 +195,22 @@ def _cylindrical(power, true, text):
 
 def spectra_figure(spectra):
     """The spectra that `spectra_of` gives, or with their ratios to the truth those of `compared`."""
-    frequency, comparison = spectra.frequency, spectra if isinstance(spectra, Comparison) else None
-    if isinstance(spectra, PlaneSpectra):
-        if spectra.true is None:
-            shown = _spectrum("frequency", frequency.k, frequency.power)
-            return plotting.lines([shown], columns=1, size=(6, 3.6))
-        comparison = spectra.comparison
+    comparison = spectra if isinstance(spectra, Comparison) else getattr(spectra, "comparison", None)
     if comparison is not None:
         kinds = ("angular", "frequency") if len(comparison.degrees) else ("frequency",)
         return plotting.spectrum([plotting.comparison_panel(k, [(_CLEANED, comparison)]) for k in kinds])
-    panels = [
-        _spectrum("angular", spectra.angular.degrees, spectra.angular.mean),
-        _spectrum("frequency", frequency.k, frequency.power),
-    ]
-    return plotting.lines(panels)
+    powers = {"frequency": (spectra.frequency.k, spectra.frequency.power)}
+    on_plane = isinstance(spectra, PlaneSpectra)
+    if not on_plane:
+        powers = {"angular": (spectra.angular.degrees, spectra.angular.mean)} | powers
+    panels = [panel(kind, [(x[x > 0], y[x > 0], _CLEANED)]) for kind, (x, y) in powers.items()]
+    return plotting.lines(panels, **({"columns": 1, "size": (6, 3.6)} if on_plane else {}))
 
 
 def panel(kind, curves, **settings):
     """A panel of `plotting.lines` with power spectra, "angular" or "frequency", on logarithmic axes."""
     labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
     return labels | {"curves": curves, "xscale": "log", "yscale": "log"} | settings
-
-
-def _spectrum(kind, x, y):
-    return panel(kind, [(x[x > 0], y[x > 0], _CLEANED)])
 
 
 def modes_figure(cleaned):

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 
 from himap.core.progress import progress
 from himap.cubes.corrected import plain_band
@@ -47,6 +46,11 @@ class Scatter:
     def percentiles(self, kind):
         """The `PERCENTILES` of the power, (3, n_x)."""
         return np.percentile(self.powers[kind], PERCENTILES, axis=0)
+
+    def columns(self, kind, x):
+        """Those of a table, `percentiles` at places `x`: {"restarts_16": (n,)} and so on."""
+        powers = zip(PERCENTILES, self.percentiles(kind), strict=True)
+        return {f"restarts_{percent}": np.interp(x, self.x[kind], power) for percent, power in powers}
 
 
 def scatter_of(cleaned):
@@ -95,13 +99,3 @@ def scatter_parts(scatter):
         panels.append(panel(kind, curves, bundles=[members]))
     picture = plotting.lines(panels)
     return [figure(picture, "Spectra of restarts", _TEXT, title="Restarts"), scatter_table(scatter)]
-
-
-def add_columns(scatter, path):
-    """Add columns ``restarts_16``, ``restarts_50`` and ``restarts_84`` to the CSV of spectra at a path."""
-    table = pd.read_csv(path)
-    for kind, x in scatter.x.items():
-        rows = table["spectrum"] == kind
-        for percent, power in zip(PERCENTILES, scatter.percentiles(kind), strict=True):
-            table.loc[rows, f"restarts_{percent}"] = np.interp(table.loc[rows, "x"], x, power)
-    table.to_csv(path, index=False, float_format="%.8g", na_rep="nan")

@@ -60,8 +60,8 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
     ratios = {}
     for one, beams in progress(known, "beams"):
         other = cleaned.with_beams(beams).separation
-        found = mock_power_of_change(cube, alms, cleaned.separation, other, faint)
-        ratios["width" if one.width else "ripple", one.width or one.ripple] = found.band_means()
+        power = mock_power_of_change(cube, alms, cleaned.separation, other, faint)
+        ratios["width" if one.width else "ripple", one.width or one.ripple] = power.band_means()
     return pd.DataFrame(ratios).T.astype(float).rename_axis(["kind", "error"])
 
 

@@ -56,7 +56,7 @@ class PlaneSpectra:
 
     @property
     def comparison(self):
-        """P(k_nu) beside the truth, a `Comparison` without C_l; None where the truth is not known."""
+        """P(k_nu) next to the truth, a `Comparison` without C_l; None where the truth is not known."""
         if self.true is None:
             return None
         none = np.empty(0)
@@ -64,48 +64,41 @@ class PlaneSpectra:
         return Comparison(degrees=none, angular=none, true_angular=none, k=self.frequency.k[1:], **powers)
 
 
-def spectra_of(cleaned):
+def spectra_of(cleaned, near=None):
     """The power spectra of a `CleanedCube`.
+
+    Parameters
+    ----------
+    cleaned
+        The `CleanedCube`.
+    near
+        What `analysed` gives of the same cube, cleaned so that it differs by a few spectra: only these are
+        then analysed.
 
     Returns
     -------
     PowerSpectra or PlaneSpectra
         Of HEALPix maps C_l, decoupled with a mask, and P(k_nu); of images P(k_perp, k_par) and P(k_nu).
     """
-    cube, residual = cleaned.cube, cleaned.residual
+    cube, residual, mask = cleaned.cube, cleaned.residual, cleaned.cube.sky_mask
     if cube.image is not None:
         return PlaneSpectra.of(cube, residual)
-    return _sphere_spectra(cube, residual, angular_power(cube.on_sphere(residual), mask=cube.sky_mask))
+    maps = cube.on_sphere(residual)
+    if near is None:
+        return _sphere_spectra(cube, residual, angular_power(maps, mask=mask))
+    others, alms = near
+    angular, _ = angular_power_pair(alms, difference(maps, others, mask=mask), mask=mask)
+    return _sphere_spectra(cube, residual, angular)
+
+
+def analysed(cleaned):
+    """Maps of the residual of a `CleanedCube` on the sphere, and their coefficients; None of images."""
+    maps, mask = cleaned.cube.on_sphere(cleaned.residual), cleaned.cube.sky_mask
+    return None if cleaned.cube.image is not None else (maps, masked_alms(maps, mask=mask))
 
 
 def _sphere_spectra(cube, maps, angular):
     return PowerSpectra(angular=angular, frequency=frequency_power(maps, cube.channel_width))
-
-
-def spectra_by_difference(first):
-    """`spectra_of`, for cubes that differ from a first one by a few spectra, without analysing each anew.
-
-    Parameters
-    ----------
-    first
-        A `CleanedCube`; the others are the same cube, cleaned in another way.
-
-    Returns
-    -------
-    callable
-        It takes one of them.
-    """
-    cube, mask = first.cube, first.cube.sky_mask
-    if cube.image is not None:
-        return spectra_of
-    maps = cube.on_sphere(first.residual)
-    alms = masked_alms(maps, mask=mask)
-
-    def spectra(cleaned):
-        more = difference(cube.on_sphere(cleaned.residual), maps, mask=mask)
-        return _sphere_spectra(cube, cleaned.residual, angular_power_pair(alms, more, mask=mask)[0])
-
-    return spectra
 
 
 def scales(cube, spectra):
@@ -122,7 +115,7 @@ def scales(cube, spectra):
 
 
 def compared(cleaned, truth):
-    """The spectra of a `CleanedCube` beside those of the truth.
+    """The spectra of a `CleanedCube` next to those of the truth.
 
     Parameters
     ----------
@@ -174,7 +167,7 @@ def check_truth(cube, truth):
             f"the truth must have the frequencies of the cube, got {truth.freqs[channel]:.10g} MHz where "
             f"that has {cube.freqs[channel]:.10g}."
         )
-    cube.joined("the truth", others.frame, truth.layout.spectral_frame)  # refuses others
+    cube.layout.joined("the truth", others.frame, truth.layout.spectral_frame)  # refuses others
     if (cube.mask & ~truth.mask).any():
         raise InputError("the truth must see all pixels of the cube.")
     seen = cube.mask[truth.mask]

@@ -25,7 +25,7 @@ from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.cubes.cleaning import cleaning_of, method_for
 from himap.cubes.report import figure, write_page
-from himap.cubes.spectra import scales, spectra_by_difference
+from himap.cubes.spectra import analysed, scales, spectra_of
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.instrument.beams.base import gaussian_widths
@@ -40,7 +40,7 @@ MOST_SOURCES = 10
 
 @dataclass(frozen=True, kw_only=True)
 class Suggestion:
-    """What `suggest` found for each number of sources.
+    """Result of `suggest` for each number of sources.
 
     Attributes
     ----------
@@ -57,12 +57,12 @@ class Suggestion:
         next n_s, (n - 1,).
     stable
         The first number from which the spectra hardly move to the next, or None.
-    method, knows_beam
-        Name of the method that it is for, and whether that uses the beam.
+    method
+        Name of the method that it is for.
     at_one_resolution
         Whether the eigenvalues are those of maps at one resolution.
     widths
-        Least and largest FWHM of the beam that the method assumes, degrees, or None.
+        Least and largest FWHM of the beam that the method assumes, degrees; None if it uses no beam.
     weighted
         Whether the cube has weights or gaps.
     """
@@ -75,7 +75,6 @@ class Suggestion:
     change: np.ndarray
     stable: int | None
     method: str
-    knows_beam: bool
     at_one_resolution: bool
     widths: tuple[float, float] | None = None
     weighted: bool = False
@@ -93,7 +92,7 @@ class Suggestion:
         it says, or where the eigenvalues are not at one resolution and have what the beam adds.
         """
         moves = self.change[self.n_sources[:-1] == self.best]
-        return self.knows_beam and (not self.at_one_resolution or bool((moves < STABLE).any()))
+        return self.widths is not None and (not self.at_one_resolution or bool((moves < STABLE).any()))
 
     @property
     def range(self):
@@ -157,20 +156,23 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     # Refused now, not after the others.
     remover = method_for(cube, method, beams=beams, n_sources=int(counts[-1]), **parameters)
     cleaning = cleaning_of(cube, remover, beams, peaks=peaks)
-    separations, variances, spectra, spectra_of = {}, [], [], None
+    separations, variances, spectra, near = {}, [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = cleaning.with_sources(int(count))
-        spectra_of = spectra_of or spectra_by_difference(cleaned)
+        near = near or analysed(cleaned)
         if cube.weights is not None:
             separations[count] = cleaned.separation
         variances.insert(0, _variances(cleaned))
-        spectra.insert(0, scales(cube, spectra_of(cleaned)))
+        spectra.insert(0, scales(cube, spectra_of(cleaned, near)))
     change, n_seen = changes(spectra), None
     if cube.missing is not None:
         n_seen = np.count_nonzero(~cube.missing, axis=1)
     criterion = information(np.array(variances), counts, cube.maps.shape[1], n_seen=n_seen)
     knows_beam = "beams" in remover.uses
-    widths = np.rad2deg(gaussian_widths(beams)) if knows_beam else None
+    widths = None
+    if knows_beam:
+        fwhm = np.rad2deg(gaussian_widths(beams))
+        widths = float(fwhm.min()), float(fwhm.max())
     # The edge of a part of the sky would stand out too, once maps are re-convolved.
     at_one = knows_beam and cube.whole_sky
     if cube.weights is not None:  # what more sources than that make of noise in a gap would stand out
@@ -190,9 +192,8 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         change=change,
         stable=settled(change, counts),
         method=method,
-        knows_beam=knows_beam,
         at_one_resolution=at_one,
-        widths=(float(widths.min()), float(widths.max())) if knows_beam else None,
+        widths=widths,
         weighted=cube.weights is not None,
     )
 
@@ -213,7 +214,7 @@ def advice(suggestion):
     """The recommendation of a `Suggestion` in words, and what one source more would change."""
     tried = f"from {suggestion.n_sources[0]} to {suggestion.n_sources[-1]}"
     if suggestion.range is None:
-        other = "" if suggestion.knows_beam else ", or a method that knows the beam"
+        other = "" if suggestion.widths is not None else ", or a method that knows the beam"
         return f"No number {tried} leaves both spectra as they are with one more: try larger ones{other}."
     low, high = suggestion.range
     if low < high:

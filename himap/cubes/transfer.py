@@ -101,7 +101,7 @@ def measure_transfer(cleaned, mocks):
         No mock, one of another shape than the cube, or fewer channels than sources.
     """
     cube = cleaned.cube
-    cube.check_sphere()
+    _ = cube.nside  # refuses an image in the plane
     several = [cleaned]
     while len(several) < MOST and one_more(several[-1].method) != several[-1].method:
         several.append(several[-1].with_one_more)
@@ -119,23 +119,23 @@ def measure_transfer(cleaned, mocks):
                 f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
                 f"{mock.shape}."
             )
-        for one, found in zip(several, powers, strict=True):
+        for one, members in zip(several, powers, strict=True):
             member = one.resampled(mock)
             both = {each.method: each for each in (member, member.with_one_more)}
-            found.append([_mock_power(one, each, mock) for each in both.values()])
+            members.append([_mock_power(one, each, mock) for each in both.values()])
     return [(one, bootstrap_of(members)) for one, members in zip(several, powers, strict=True)]
 
 
 def _mock_power(cleaned, member, mock):
     """The `MockPower` of a member of the bootstrap of a `CleanedCube`, whose truth is a mock."""
-    cube, found = cleaned.cube, member.separation
+    cube, other = cleaned.cube, member.separation
     if cube.missing is None:
         faint = FAINT * float(mock.var(axis=1, dtype=np.float64).sum())
-        alms = alms_of(cube, mock, found.lmax)
-        return mock_power_of_change(cube, alms, cleaned.separation, found, faint)
+        alms = alms_of(cube, mock, other.lmax)
+        return mock_power_of_change(cube, alms, cleaned.separation, other, faint)
     # Both cubes have 0 in the gaps.
-    change = found.foreground + -cleaned.separation.foreground
-    back = change.subtract_from(mock, found.means - cleaned.separation.means)
+    change = other.foreground + -cleaned.separation.foreground
+    back = change.subtract_from(mock, other.means - cleaned.separation.means)
     mock = (mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype)
     alms = (alms_of(cube, np.where(cube.missing, 0, maps)) for maps in (mock, back))
     return mock_power_of_cubes(*alms, cube.channel_width)
@@ -187,12 +187,12 @@ def correct(measured, spectra, truth=None):
     powers = [
         harmonic_power(alms_of(one.cube, one.residual, lmax), one.cube.channel_width) for one in several
     ]
-    explaining = [n for n, (_, found) in enumerate(measured) if found.explains(*powers[n : n + 2])]
+    explaining = [n for n, (_, transfer) in enumerate(measured) if transfer.explains(*powers[n : n + 2])]
     used = explaining[0] if explaining else len(measured) - 1
     (_, first), (cleaned, last) = measured[0], measured[used]
     shown, places = _both(spectra), {"angular": spectra.angular.degrees, "frequency": spectra.frequency.k}
     # The power of pixels and of coefficients to lmax differ, and that of a mask: alike for spectra alike.
-    nearer, found = shown if used == 0 else _both(spectra_of(cleaned)), {}
+    nearer, corrected = shown if used == 0 else _both(spectra_of(cleaned)), {}
     true = {} if truth is None else {"angular": (truth.degrees, truth.true_angular)}
     if truth is not None:
         true["frequency"] = truth.k, truth.true_frequency
@@ -201,7 +201,7 @@ def correct(measured, spectra, truth=None):
         own, one, more = (_in_bins(kind, x, transfer, power) for transfer, power in transfers)
         inside = np.isin(x, one.x)
         own_scale, scale = shown[kind][inside] / own.residual, nearer[kind][inside] / one.residual
-        found[kind] = replace(
+        corrected[kind] = replace(
             one,
             residual=shown[kind][inside],
             corrected=one.corrected * scale,
@@ -211,7 +211,7 @@ def correct(measured, spectra, truth=None):
             n_sources=getattr(cleaned.method, "n_sources", None),
             explained=bool(explaining),
         )
-    return found
+    return corrected
 
 
 def _both(spectra):

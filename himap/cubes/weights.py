@@ -1,6 +1,7 @@
 """Weights, flags and masks of a cube, from arrays and files, in the layout of the cube's own file."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from himap.maps import sphere
 from himap.maps.healpix_io import to_ring
 from himap.maps.sphere import pixels_last, sphere_sizes
 
-_HELD = 2  # cubes in float32 beside the one in the file: weights are float64
+_HELD = 2  # cubes in float32 besides that in the file: weights are float64
 _RIGHT = {  # what is right in them, and how that is said
     "weights": (lambda v: (v >= 0) & np.isfinite(v), "finite and 0 or more; 0 means not seen"),
     "flags": (
@@ -33,14 +34,11 @@ def is_path(given):
 
 def weight_datasets(path, weights, flags):
     """Which datasets of the cube's own HDF5 file are its weights and flags, and no maps: a set of names."""
-
-    def same_file(other):
-        try:
-            return is_path(other) and os.path.samefile(path, other)
-        except (OSError, ValueError):
-            return False
-
-    return {name for name, file in {"weights": weights, "flags": flags}.items() if same_file(file)}
+    names = set()
+    for name, given in {"weights": weights, "flags": flags}.items():
+        with suppress(OSError, ValueError):
+            names |= {name} if is_path(given) and os.path.samefile(path, given) else set()
+    return names
 
 
 def voxel_weights(maps, layout, *, weights=None, flags=None, rotate=False):

@@ -2,9 +2,7 @@
 
 import json
 import os
-import re
 import tempfile
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -27,7 +25,7 @@ def ending_of(path):
 
 
 def companion(path, ending):
-    """A file beside a cleaned cube, of the same name but for its end."""
+    """A file next to a cleaned cube, of the same name but for its end."""
     return path.with_name(f"{path.name[: len(path.name) - len(ending_of(path))]}{ending}")
 
 
@@ -107,7 +105,7 @@ def save_cleaned(cleaned, path, *, overwrite=False):
 
     Channels, pixels and units are as in the file that the cube came from, and so is the header of an image;
     pixels that were not seen are NaN (of HEALPix in FITS: UNSEEN). Of a voxel that was missing the residual
-    is NaN, the foreground what was found of it. An HDF5 file holds it all; beside FITS and .npy there are
+    is NaN, the foreground what was estimated of it. An HDF5 file holds it all; with FITS and .npy come
     NAME_foreground and NAME_mixing.txt.
 
     Returns
@@ -139,18 +137,10 @@ def write_cleaned(cleaned, paths, *, said=None):
     cubes = {"residual": cleaned.residual_with_nan, "foreground": cleaned.foreground}
     as_given = ((name, layout.as_given(maps, cube.mask)) for name, maps in cubes.items())  # one at a time
     if ending_of(paths[0]) in (".h5", ".hdf5"):
-        with _hdf5(paths[0]) as file:
-            for name, maps in as_given:
-                file.create_dataset(name, data=maps).attrs["unit"] = layout.unit
-            file.create_dataset("freqs", data=layout.freqs).attrs["unit"] = "MHz"
-            file.create_dataset("mixing", data=mixing).attrs["rows"] = "channels by frequency, ascending"
-            parameters = json.dumps(asdict(cleaned.method))
-            about = {"method": cleaned.method.name, "parameters": parameters, "himap": __version__}
-            about["remarks"] = shortened("\n".join(map(plain_text, sentences)))
-            attributes, datasets = layout.pixels.in_hdf5(layout)
-            for name, values in datasets.items():
-                file.create_dataset(name, data=values)
-            file.attrs.update(layout.about | attributes | about | _restarts(cleaned))
+        try:
+            _write_hdf5(cleaned, paths[0], as_given, sentences)
+        except RuntimeError as error:  # what h5py raises for a full disk when a file is closed
+            raise OSError(str(error)) from None
         return
     *targets, table = paths
     for target, (name, maps) in zip(targets, as_given, strict=True):
@@ -163,6 +153,23 @@ def write_cleaned(cleaned, paths, *, said=None):
             layout.pixels.write(target, maps, layout, name=name, cards=cards)
     header = "\n".join([*map(_in_ascii, sentences), "frequency [MHz], then the columns of the mixing matrix"])
     np.savetxt(table, np.column_stack([cube.freqs, mixing]), header=header)
+
+
+def _write_hdf5(cleaned, path, as_given, sentences):
+    layout = cleaned.cube.layout
+    with h5py.File(path, "w") as file:
+        for name, maps in as_given:
+            file.create_dataset(name, data=maps).attrs["unit"] = layout.unit
+        file.create_dataset("freqs", data=layout.freqs).attrs["unit"] = "MHz"
+        mixing = file.create_dataset("mixing", data=cleaned.separation.mixing)
+        mixing.attrs["rows"] = "channels by frequency, ascending"
+        parameters = json.dumps(asdict(cleaned.method))
+        about = {"method": cleaned.method.name, "parameters": parameters, "himap": __version__}
+        about["remarks"] = shortened("\n".join(map(plain_text, sentences)))
+        attributes, datasets = layout.pixels.in_hdf5(layout)
+        for name, values in datasets.items():
+            file.create_dataset(name, data=values)
+        file.attrs.update(layout.about | attributes | about | _restarts(cleaned))
 
 
 def _in_ascii(sentence):
@@ -179,16 +186,3 @@ def _restarts(cleaned):
         "restarts": len(several.members),
         "failed": sum(map(bool, several.flags)),
     }
-
-
-@contextmanager
-def _hdf5(path):
-    """A new file; HDF5 reports a full disk in a page of text, in which is the number of the error."""
-    try:
-        with h5py.File(path, "w") as file:
-            yield file
-    except (OSError, RuntimeError) as error:
-        number = re.search(r"errno = (\d+)", str(error))
-        if number is None:
-            raise
-        raise OSError(int(number[1]), os.strerror(int(number[1]))) from None

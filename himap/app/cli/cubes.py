@@ -4,9 +4,9 @@ What does the work is imported when it is needed: `himap --help` need not wait s
 """
 
 import functools
-import os
 import time
 import warnings
+from dataclasses import replace
 from types import SimpleNamespace
 
 import click
@@ -150,7 +150,7 @@ def clean(asked):
 @_command(
     METHOD,
     option("--truth", metavar="CUBE", help="What a perfect cleaning would leave."),
-    option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra beside it, .csv."),
+    option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra next to it, .csv."),
     *MOCKS,
     short_help="Measure what cleaning takes of CUBE, and correct its spectra.",
 )
@@ -202,9 +202,8 @@ def _cleaned(asked):
     comparison = None if true is None else compared(cleaned, true)
     spectra = None if true is not None and mocks is None else spectra_of(cleaned)
     if mocks is not None:
-        found = measure_transfer(cleaned, mocks)
-        corrected = correct(found, spectra, comparison)
-        more = texts.corrected_parts(corrected, len(found[0][1].own.mocks))
+        corrected = correct(measure_transfer(cleaned, mocks), spectra, comparison)
+        more = texts.corrected_parts(corrected)
         click.echo(texts.corrected_table(corrected))
         _tell(asked, *texts.remarks_on(corrected, getattr(remover, "n_sources", None)))
     scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
@@ -218,26 +217,27 @@ def _cleaned(asked):
     def write_pages(paths):
         write_report(cleaned, paths[0], spectra=shown, more=more, said=asked.said)
         if corrected is not None:
-            texts.write_spectra(corrected, paths[1])
-            if scattered is not None:
-                scatter.add_columns(scattered, paths[1])
+            texts.write_spectra(corrected, paths[1], scattered)
 
     return cleaned, write_pages
 
 
 def _with_frames(asked, cube):
     """The cube with the frames that its truth or mocks state, where it states none; others are refused."""
-    from himap.cubes.files import frames_in
+    from himap.cubes.files import read_truth
 
-    given = (asked.truth, *(word for word in asked.mocks if not word.isdecimal()))
-    for path in (path for path in given if path is not None and os.path.lexists(path)):
-        (frame, spectral_frame), known = frames_in(path), cube.layout.pixels.frame
-        if known is not None and (frame is None or asked.rotate):  # said, or rotated, when it is read
-            frame = known
-        joined = cube.joined(path, frame, spectral_frame)
+    given = [asked.truth] * (asked.truth is not None)
+    for path in (*given, *(word for word in asked.mocks if not _is_number(word))):
+        layout = read_truth(path, cube=cube, **asked.reading).layout
+        joined = cube.layout.joined(path, layout.pixels.frame, layout.spectral_frame)
         _tell(asked, *joined.remarks[len(cube.remarks) :])
-        cube = joined
+        cube = replace(cube, layout=joined)
     return cube
+
+
+def _is_number(word):
+    """Whether what is given as mocks is how many, and no file."""
+    return word.lstrip("-").isdecimal()
 
 
 def _mocks(cube, beams, asked):
@@ -245,12 +245,12 @@ def _mocks(cube, beams, asked):
     from himap.cubes.mocks import draw_mocks, read_mocks
 
     words, noise = asked.mocks, asked.mock_noise
-    numbers = [word for word in words if word.lstrip("-").isdecimal()]
+    numbers = [*filter(_is_number, words)]
     if (not words and noise is not None) or (numbers and len(words) > 1):
         raise InputError("--mocks is one number, or a file for each mock; --mock-noise belongs to a number.")
     if not words:
         return None
-    cube.check_sphere()
+    _ = cube.nside  # refuses an image in the plane
     if numbers:
         if noise is None:
             _tell(
@@ -259,9 +259,6 @@ def _mocks(cube, beams, asked):
         return draw_mocks(cube, beams, int(numbers[0]), noise=noise)
     if noise is not None:
         raise InputError("--mock-noise is that of mocks that are made; those from files have their own.")
-    for word in words:
-        if not os.path.lexists(word):
-            raise InputError(f"--mocks: there is no file {word}.")
     return read_mocks(cube, words, tell=functools.partial(_tell, asked), **asked.reading)
 
 
@@ -331,8 +328,8 @@ def sensitivity(asked):
     cube, beams = _cube_and_beams(asked, remover)
     cleaned = clean_cube(cube, remover, beams=beams, peaks=asked.peaks, restarts=1)
     _tell(asked, *cleaned.remarks)
-    found = measured.beam_sensitivity(cleaned, asked.beam, **errors, period=asked.period, dish=asked.dish)
-    click.echo(measured.sensitivity_table(found, asked.period))
+    ratios = measured.beam_sensitivity(cleaned, asked.beam, **errors, period=asked.period, dish=asked.dish)
+    click.echo(measured.sensitivity_table(ratios, asked.period))
     if page is not None:
-        write = functools.partial(measured.write_sensitivity, found, period=asked.period, said=asked.said)
+        write = functools.partial(measured.write_sensitivity, ratios, period=asked.period, said=asked.said)
         _write(asked, [page], lambda paths: write(*paths))

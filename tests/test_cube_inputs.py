@@ -1,0 +1,398 @@
+"""What users mean, and what they get wrong: files, headers, options and outputs, understood or refused."""
+
+from dataclasses import replace
+
+import h5py
+import healpy as hp
+import numpy as np
+import pytest
+from astropy.io import fits
+from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
+from cube_files import himap
+from image_files import N_CHANNELS, power_law_images, write_image
+
+from himap.core.errors import InputError
+from himap.cubes import clean_cube, read_cube, save_cleaned, write_report
+from himap.cubes.files import read_freqs, read_truth
+from himap.cubes.writing import check_columns
+from himap.instrument import beams
+from himap.maps.frames import equinox_of, spectral_frame_of
+from himap.removal import available, create
+from himap.removal.pca import PCA
+
+pytestmark = pytest.mark.usefixtures("no_pages", "here")
+ON_PCA = ("--method", "pca", "-p", "n_sources=2")
+
+
+def run(*words, code=0):
+    done = himap(*words)
+    assert done.exit_code == code, done.output
+    return done.output
+
+
+def write_cards(**cards):
+    names = [f"{freq:g} MHz" for freq in FREQS]
+    write_fits("a.fits", good_maps(), column_names=names, extra_header=list(cards.items()))
+    return "a.fits"
+
+
+@pytest.fixture
+def maps():
+    return good_maps()
+
+
+@pytest.fixture
+def images(rng):
+    return power_law_images(rng)
+
+
+@pytest.fixture(autouse=True)
+def good(here):
+    write_hdf5("good.h5")
+
+
+class TestReading:
+    def test_the_unit_of_partial_maps_is_that_of_the_signal(self, maps, here):
+        (here / "folder").mkdir()
+        for n, pixels in enumerate(np.where(np.arange(N_PIX) < 150, maps, hp.UNSEEN)):
+            write_fits(f"folder/{n}.fits", pixels, partial=True)
+        assert np.array_equal(read_cube("folder", freqs=FREQS).maps, maps[:, :150])
+        with pytest.raises(InputError, match="the file says mK"):
+            read_cube("folder", freqs=FREQS, unit="K")
+
+    def test_files_are_counted_as_people_count(self, maps):
+        write_folder("folder", [f"map_{n}" for n in range(24)])
+        assert np.array_equal(read_cube("folder", freqs=FREQS).maps, maps)
+
+    def test_frequencies_that_are_those_of_the_file(self):
+        assert read_cube("good.h5", freqs=FREQS.astype(np.float32)).freqs == pytest.approx(FREQS)
+        with pytest.raises(InputError, match=r"file says \[ 950.  955. .*, but the list"):
+            read_cube("good.h5", freqs=FREQS[::-1])
+
+    def test_oddities_are_said(self, maps):
+        """Uneven channels, dead ones, and zeros."""
+        maps[:, : N_PIX // 2] = 0
+        others = np.arange(24) != 7
+        write_hdf5("a.h5", maps[others], freqs=FREQS[others])
+        remarks = " ".join(read_cube("a.h5").remarks)
+        assert "5 to 10 MHz apart" in remarks and "50.0% of the pixels are 0" in remarks
+        maps[3] = 7
+        write_hdf5("b.h5", maps)
+        remarks = " ".join(read_cube("b.h5").remarks)
+        assert "1 channels have one value everywhere" in remarks and "965 MHz" in remarks
+
+    @pytest.mark.parametrize("name", ["c.fits", "c.h5"])
+    def test_blind_channels_come_back_with_their_frequency(self, name, maps):
+        maps[[4, 9]] = np.nan
+        write_hdf5("a.h5", maps)
+        save_cleaned(clean_cube(read_cube("a.h5"), "pca", n_sources=2), name)
+        again = read_cube(name, maps_name="residual" if name == "c.h5" else None)
+        assert again.freqs == pytest.approx(np.delete(FREQS, [4, 9]), rel=1e-9)
+        assert "2 of 24 channels see nothing" in " ".join(again.remarks)
+
+
+class TestBeams:
+    def test_the_command_says_how_wide_they_are(self):
+        method = ["--method", "sdecgmca", "-p", "noise=0.1", "-p", "beyond=cut", "--restarts", 1]
+        done = himap("clean", "good.h5", *method, "--beam", "evolving", "--dish", 2, "-o", "c.h5")
+        assert done.exit_code == 0 and "FWHM of 8.06 to 9.04 deg" in done.output, done.output
+        assert "sdecgmca finds nothing beyond l = 8: the residual ends there" in done.output
+
+
+class TestOutputs:
+    def test_a_page_from_python(self, here):
+        write_report(clean_cube(read_cube("good.h5"), PCA(n_sources=2)), "page.html")
+        assert "<h2>Spectra</h2>" in (here / "page.html").read_text()
+
+    def test_python_does_not_write_over_files_unasked(self):
+        cleaned = clean_cube(read_cube("good.h5"), PCA(n_sources=2))
+        with pytest.raises(InputError, match="good.h5 exists"):
+            save_cleaned(cleaned, "good.h5")
+        with pytest.raises(InputError, match=".fits.gz or .npy file"):
+            save_cleaned(cleaned, "c.hdf")
+        save_cleaned(cleaned, "good.h5", overwrite=True)
+        with h5py.File("good.h5") as file:
+            assert "residual" in file
+
+
+class TestTruth:
+    def test_its_own_frequencies_count(self, maps, rng):
+        """Options are for what a file does not say: the cube is shuffled, the truth is not."""
+        order = rng.permutation(24)
+        np.save("shuffled.npy", maps[order])
+        np.savetxt("nu.txt", FREQS[order])
+        truth = read_truth("good.h5", freqs="nu.txt", unit="K", maps_name="another")
+        assert np.array_equal(truth.maps, maps) and truth.freqs == pytest.approx(FREQS)
+        assert np.array_equal(read_truth("shuffled.npy", freqs="nu.txt", unit="mK").maps, maps)
+
+    def test_another_frequency_is_named(self, maps):
+        write_hdf5("t.h5", maps / 1000, freqs=FREQS + 1e-9)
+        write_hdf5("u.h5", maps, freqs=FREQS + 3)
+        words = ["clean", "good.h5", "--method", "pca", "-o", "c.h5", "--truth"]
+        done = himap(*words, "u.h5")
+        assert done.exit_code == 2 and "got 953 MHz where that has 950" in done.output
+        assert himap(*words, "t.h5").exit_code == 0
+
+
+class TestMethods:
+    def test_few_channels(self, maps):
+        write_hdf5("a.h5", maps[:6], freqs=FREQS[:6])
+        for command, more in (("clean", ["-o", "c.h5"]), ("suggest", ["--to", "3"])):
+            done = himap(command, "a.h5", "--method", "pca", *more)
+            assert done.exit_code == 2 and "needs 8 channels, got 6" in done.output
+            assert himap(command, "a.h5", "--method", "pca", *more, "--keep-peaks").exit_code == 0
+
+    def test_parameters_for_a_method_that_has_its_own(self):
+        cube = read_cube("good.h5")
+        with pytest.raises(InputError, match="n_sources: give parameters to PCA"):
+            clean_cube(cube, PCA(n_sources=2), n_sources=9)
+        with pytest.raises(InputError, match="a method, such as PCA"):
+            clean_cube(cube, PCA)
+
+
+class TestEndings:
+    @pytest.mark.parametrize("name", ["c.hdf5", "c.fits.gz", "C.H5"])
+    def test_other_endings_are_read_again(self, name, here):
+        run("clean", "good.h5", *ON_PCA, "-o", name)
+        stem = name.partition(".")[0]
+        assert (here / f"{stem}.html").exists()
+        again = read_cube(name, maps_name=None if "fits" in name else "residual")
+        residual = clean_cube(read_cube("good.h5"), "pca", n_sources=2).residual
+        assert again.maps == pytest.approx(residual, abs=1e-5) and again.freqs == pytest.approx(FREQS)
+        if "fits" in name:
+            assert (here / name).read_bytes()[:2] == b"\x1f\x8b"
+            assert (here / "c_foreground.fits.gz").exists() and (here / "c_mixing.txt").exists()
+
+    def test_more_channels_than_a_table_has_columns(self, here, rng):
+        maps = rng.standard_normal((1000, 12 * 16**2)).astype("f4")
+        write_hdf5("good.h5", maps, freqs=400 + 0.3 * np.arange(1000))
+        said = run("clean", "good.h5", *ON_PCA, "--keep-peaks", "-o", "c.fits", code=2)
+        assert "999 columns at most, and c.fits would need 1000: write HDF5, c.h5" in said
+        with pytest.raises(InputError, match="999 columns"):
+            save_cleaned(clean_cube(read_cube("good.h5"), "pca", peaks=False), "c.fits")
+        assert [path.name for path in here.iterdir()] == ["good.h5"]
+
+    def test_pixel_numbers_are_a_column_too(self):
+        columns = [fits.Column("PIXEL", "J", array=np.arange(1000, dtype="i4"))]
+        columns += [fits.Column(f"{900 + n} MHz", "E", "mK", array=np.ones(1000)) for n in range(24)]
+        table = fits.BinTableHDU.from_columns(columns)
+        table.header.update(ORDERING="RING", NSIDE=16, INDXSCHM="EXPLICIT", OBJECT="PARTIAL")
+        table.writeto("a.fits")
+        cube = read_cube("a.fits")
+        most, more = (replace(cube.layout, freqs=np.arange(1.0, 1 + n)) for n in (998, 999))
+        check_columns(replace(cube, layout=most), "c.fits.gz")
+        with pytest.raises(InputError, match="would need 1000"):
+            check_columns(replace(cube, layout=more), "c.fits.gz")
+
+
+class TestMissingVoxels:
+    @pytest.fixture
+    def holes(self, rng):
+        """Of a cube, one voxel in ten."""
+        maps, bad = good_maps(), rng.random((24, N_PIX)) < 0.1
+        maps[bad] = np.nan
+        write_hdf5("holes.h5", maps)
+        write_hdf5("a.h5", more={"flags": bad})
+        return bad
+
+    def test_methods_that_take_weights_go_on_as_with_flags(self, holes):
+        for path, options in (("holes.h5", ()), ("a.h5", ("--flags", "a.h5"))):
+            said = run("clean", path, *ON_PCA, *options, "-o", f"c_{path}")
+            assert f"{holes.mean():.2%} of the voxels in these pixels are missing" in said
+        with h5py.File("c_holes.h5") as one, h5py.File("c_a.h5") as two:
+            assert np.array_equal(one["residual"][...], two["residual"][...], equal_nan=True)
+            assert np.array_equal(np.isnan(one["residual"][...]), holes)
+
+    def test_others_say_which_do(self, holes):
+        some = np.where(holes, np.float32(np.nan), good_maps())
+        some[:, 50:] = good_maps()[:, 50:]
+        write_hdf5("some.h5", some)
+        said = run("clean", "some.h5", "--method", "fastica", "-o", "c.h5")
+        assert "masked in all; methods that take weights keep what is seen" in said
+        assert "(parametric, pca, polynomial)" in said
+        few = np.full_like(some, np.nan)
+        few[:12, : N_PIX // 2], few[12:, N_PIX // 2 :] = 1, 1
+        write_hdf5("few.h5", few)
+        with pytest.raises(InputError, match=r"few.h5: no pixel is seen in every channel.*\(parametric, pca"):
+            read_cube("few.h5")
+
+    def test_a_few_pixels_are_masked_as_before(self):
+        maps = good_maps()
+        maps[3, 5] = np.nan
+        write_hdf5("a.h5", maps)
+        cube = read_cube("a.h5", scattered=True)
+        assert cube.weights is None and cube.mask.sum() == N_PIX - 1
+        maps[7] = np.nan  # a blind channel is no hole
+        write_hdf5("b.h5", maps)
+        assert read_cube("b.h5", scattered=True).weights is None
+
+    def test_floats_of_16_bits_are_remarked_on(self):
+        half = (good_maps() / 100).astype(np.float16)
+        write_hdf5("a.h5", half, said={"unit": "K", "order": "RING"})
+        cube = read_cube("a.h5")
+        assert cube.maps == pytest.approx(1e3 * half.astype(float), rel=1e-6)  # more than float16 can hold
+        said = " ".join(cube.remarks)
+        rounding = 1e3 * float(half.max()) / 2048
+        assert f"floats of 16 bits, which round its brightest voxels by up to {rounding:.2g} mK" in said
+        write_hdf5("b.h5", half.astype("f4"), said={"unit": "K", "order": "RING"})
+        assert "16 bits" not in " ".join(read_cube("b.h5").remarks)
+
+
+class TestNames:
+    @pytest.mark.parametrize("name", ["PCA", "FastICA", "SDecGMCA", "beam-subspace", "Gaussian Process"])
+    def test_methods_by_any_spelling(self, name):
+        plain = "".join(filter(str.isalpha, name)).lower()
+        assert create(name).name.replace("_", "") == plain
+
+    def test_others_are_refused(self):
+        for name in ("", "__init__", "base", "_", 3):
+            with pytest.raises(InputError, match="unknown method"):
+                create(name)
+
+    def test_beams_unless_there_is_such_a_file(self):
+        assert beams.named("MeerKAT") == beams.named("meerkat")
+        assert beams.named("Oscillating:ripple=additive") == beams.named("oscillating:ripple=additive")
+        np.savetxt("MeerKAT", np.ones(24))
+        assert beams.named("MeerKAT").name == "file"
+
+    def test_the_command_lists_methods_and_their_parameters(self):
+        listing = run("methods")
+        assert all(name in listing for name in available())
+        said = run("methods", "PCA")
+        assert "n_sources = 3  number of components to remove" in said and "Uses: weights" in said
+        assert "did you mean gmca" in run("methods", "gmc", code=2)
+
+
+class TestCards:
+    @pytest.mark.parametrize(
+        ("key", "value"),
+        [
+            *(("COORDSYS", value) for value in (3, "3", True, "SKY")),
+            *(("SPECSYS", value) for value in (5, "SKY")),
+            *(("ORDERING", value) for value in (0, False, "NUNIQ")),
+            *(("NSIDE", value) for value in ("16", 0, 2.5)),
+        ],
+    )
+    def test_of_maps(self, key, value):
+        with pytest.raises(InputError, match=rf"{key}.*{value}") as error:
+            read_cube(write_cards(**{key: value}))
+        assert "a.fits" in str(error.value)
+
+    @pytest.mark.parametrize("equinox", ["soon", True])
+    def test_of_an_equinox(self, equinox):
+        with pytest.raises(InputError, match=rf"EQUINOX beside COORDSYS in a.fits .*{equinox}"):
+            read_cube(write_cards(COORDSYS="C", EQUINOX=equinox))
+
+    @pytest.mark.parametrize(("equinox", "frame"), [("B1950", "C1950"), ("1950.0", "C1950"), ("J2000", "C")])
+    def test_an_equinox_as_text(self, equinox, frame, images):
+        assert read_cube(write_cards(COORDSYS="C", EQUINOX=equinox)).layout.pixels.frame == frame
+        write_image("b.fits", images, RADESYS="FK5", EQUINOX=equinox)
+        assert read_cube("b.fits").layout.pixels.frame == frame
+
+    def test_spectral_frames_as_programs_spell_them(self):
+        for frame, texts in {
+            "TOPOCENT": ("topocentric", "TOPO", " TOPOCENT"),
+            "LSRK": ("LSRK", "lsr"),
+            "GALACTOC": ("Galactocentric", "GALACTO"),
+            None: (None, ""),
+        }.items():
+            assert {spectral_frame_of(text) for text in texts} == {frame}
+        assert equinox_of(None) is equinox_of(float("nan")) is None
+        truth = read_truth(write_cards(SPECSYS="TOPO"))
+        assert truth.layout.joined("the truth", None, "topocentric").spectral_frame == "TOPOCENT"
+
+
+class TestAttributes:
+    """Of HDF5 and netCDF."""
+
+    def write(self, maps=None, freqs=FREQS, **attributes):
+        write_hdf5("a.h5", maps, freqs=freqs, said={}, **{"unit": "mK"} | attributes)
+        return "a.h5"
+
+    @pytest.mark.parametrize("attributes", [{"nest": True}, {"nested": 1}, {"healpix_order": "nest"}])
+    def test_nested(self, attributes):
+        assert read_cube(self.write(nside=NSIDE, **attributes)).layout.pixels.nested
+
+    def test_arrays_of_one_text(self):
+        said = {"unit": np.array([b"uK"]), "coordsys": np.array(["G"], dtype=object)}
+        layout = read_cube(self.write(**said)).layout
+        assert (layout.unit, layout.pixels.frame) == ("uK", "G")
+
+    def test_a_grid_mapping(self):
+        with h5py.File(self.write(grid_mapping="crs"), "a") as file:
+            file["crs"] = 0
+            file["crs"].attrs.update(healpix_nside=NSIDE, healpix_order="nested")
+        assert read_cube("a.h5").layout.pixels.nested
+
+    def test_pixels_in_an_order_of_their_own(self):
+        for numbers in (np.arange(N_PIX), np.arange(N_PIX)[::-1]):
+            with h5py.File(self.write(order="RING"), "a") as file:
+                file["pix"] = numbers
+            if numbers[0] == 0:
+                assert np.array_equal(read_cube("a.h5").maps, good_maps())
+        with pytest.raises(InputError, match="a.h5 has pixels in an order of its own, pix"):
+            read_cube("a.h5")
+
+    @pytest.mark.parametrize("turned", [False, True])
+    def test_frequencies_say_which_axis_is_theirs(self, turned, rng):
+        """Where both could be the pixels of a sphere."""
+        maps = rng.standard_normal((192, 48)).astype("f4")
+        cube = read_cube(self.write(maps.T if turned else maps, 900 + np.arange(192.0), order="RING"))
+        assert np.array_equal(cube.maps, maps) and not cube.remarks
+
+
+class TestOptions:
+    def test_in_any_case(self):
+        assert create("fastica", contrast="EXP").contrast == "exp"
+        assert create("SDecGMCA", reading="Letter").reading == "letter"
+        assert beams.named("MeerKAT:Band=uhf") == beams.named("meerkat:band=UHF")
+        write_hdf5("a.h5", said={})
+        words = ["--method", "PCA", "-p", "N_SOURCES=2", "--unit", "MK", "--order", "Ring", "--frame", "g"]
+        done = himap("clean", "a.h5", *words, "--keep-peaks", "-o", "o.h5")
+        assert done.exit_code == 0 and "Galactic" in done.output and "unless" not in done.output
+        assert himap("list", "04_PCA").output == himap("list", "04_pca").output
+        done = himap("run", "04", "--preset", "CI", "-o", "o.txt")
+        assert "preset" not in done.output and "ipynb" in done.output
+
+    def test_given_twice(self):
+        twice = ["-p", "n_sources=2", "-p", "N_SOURCES=3"]
+        done = himap("clean", "a.h5", "--method", "pca", *twice, "-o", "o.h5")
+        assert done.exit_code == 2 and "n_sources is given twice" in done.output
+        with pytest.raises(InputError, match="given twice"):
+            beams.named("meerkat:band=L,Band=UHF")
+
+    def test_others_of_a_truth(self):
+        with pytest.raises(TypeError, match="uint"):
+            read_truth("good.h5", uint="K")
+
+
+@pytest.mark.parametrize(
+    ("text", "freqs"),
+    [
+        ("950,951\n951,952\n", [950.5, 951.5]),
+        ("951,952\n950,951\n", [951.5, 950.5]),
+        ("1,950,951\n2,951,952", [950.5, 951.5]),
+        ("950, 951\n951, 952", [950.5, 951.5]),
+        ("950,951,952", [950, 951, 952]),
+    ],
+)
+def test_columns_are_no_decimal_commas(text, freqs, here):
+    (here / "f.txt").write_text(text)
+    assert read_freqs("f.txt")[0].tolist() == freqs
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_every_order_of_axes_is_advised(place, swapped, images, rng):
+    """Which axis is frequency is known by its smoothness; which other is RA is not, so that both are said."""
+    sky = ["ra", "dec"] if swapped else ["dec", "ra"]
+    names = ",".join([*sky[:place], "freq", *sky[place:]])
+    turned = np.moveaxis(images.transpose(0, 2, 1) if swapped else images, 0, place)
+    write_image("a.fits", turned)
+    said = " ".join(read_cube("a.fits").remarks)
+    other = ",".join([*sky[::-1][:place], "freq", *sky[::-1][place:]])
+    assert all((f"{one}" in said) == (place > 0) for one in (names, other))
+    cube = read_cube("a.fits", axes=names)
+    assert np.array_equal(cube.maps, images.reshape(N_CHANNELS, -1)) and not cube.remarks
+    write_image("noise.fits", rng.standard_normal(turned.shape).astype("f4"))
+    assert "--axes" not in " ".join(read_cube("noise.fits").remarks)
