@@ -39,7 +39,7 @@ def plan_rays(nside, cell, distance_min, distance_max, *, oversample=1.8):
     return bounds, cell / oversample / _STEPS_PER_GAP
 
 
-def trace(density, displacement, distance_edges, nside, box_size, rays):
+def trace(density, displacement, distance_edges, nside, box_size, *, oversample=1.8):
     """Mean density per channel and pixel, in redshift space.
 
     Parameters
@@ -51,8 +51,8 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
         `GaussianBox.radial_displacement`; None for none.
     distance_edges
         Channel edges as comoving distances, ascending, (n_channels + 1,), Mpc/h.
-    nside, box_size, rays
-        Resolution of the maps, side of the box in Mpc/h, and what `plan_rays` returns.
+    nside, box_size, oversample
+        Resolution of the maps, side of the box in Mpc/h, and as of `plan_rays`.
 
     Returns
     -------
@@ -66,7 +66,8 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
     else:
         unit = unit_of(displacement)
     ring = sphere.nest_to_ring(nside)
-    bounds, step = rays
+    cell = box_size / len(density)
+    bounds, step = plan_rays(nside, cell, edges[0], edges[-1], oversample=oversample)
     for level, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
         n_steps = int(np.ceil((stop - start) / step))
         if n_steps == 0:
