@@ -29,26 +29,11 @@ def test_descriptions_are_up_to_date(name):
     assert (ROOT / name).read_text() == expected, "run `python book/metadata.py`"
 
 
-def validate_citation(text):
-    """Check a CITATION.cff against the schema of its format; dates are texts there."""
-    content = yaml.safe_load(text)
-    content["date-released"] = str(content["date-released"])
+def test_citation_fits_the_schema_of_its_format():
+    """Dates are texts there."""
+    content = CITATION | {"date-released": str(CITATION["date-released"])}
     schema = json.loads((FORMATS / "cff-1.2.0.schema.json").read_text())
     jsonschema.Draft7Validator(schema).validate(content)
-
-
-def test_citation_fits_the_schema_of_its_format():
-    validate_citation((ROOT / "CITATION.cff").read_text())
-
-
-@pytest.mark.parametrize(
-    "change",
-    [("license: MIT", "license: ours"), ("2026-", "26-"), ("type: software", "kind: software")],
-)
-def test_a_citation_that_does_not_fit_is_refused(change):
-    text = (ROOT / "CITATION.cff").read_text()
-    with pytest.raises(jsonschema.ValidationError):
-        validate_citation(text.replace(*change))
 
 
 def entities_of(value):
@@ -61,8 +46,16 @@ def entities_of(value):
             yield from entities_of(item)
 
 
-def check_linked_data(document, context):
+@pytest.mark.parametrize(
+    "name, context",
+    [
+        ("codemeta.json", "codemeta-2.0.context.json"),
+        ("ro-crate-metadata.json", "ro-crate-1.1.terms.json"),
+    ],
+)
+def test_descriptions_are_linked_data(name, context):
     """Every key and type is a term of the context, so that it has an address, and addresses are such."""
+    document = read(name)
     terms = json.loads((FORMATS / context).read_text())["@context"]
     stated = document["@context"] if isinstance(document["@context"], list) else [document["@context"]]
     assert re.match("https://", stated[0])
@@ -78,29 +71,6 @@ def check_linked_data(document, context):
                     one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)
                 ]
                 assert not address or all(re.match(r"https?://", one) for one in texts), f"{key}: {texts}"
-
-
-LINKED = [
-    ("codemeta.json", "codemeta-2.0.context.json"),
-    ("ro-crate-metadata.json", "ro-crate-1.1.terms.json"),
-]
-
-
-@pytest.mark.parametrize("name, context", LINKED)
-def test_descriptions_are_linked_data(name, context):
-    check_linked_data(read(name), context)
-
-
-@pytest.mark.parametrize("name, context", LINKED)
-@pytest.mark.parametrize("key, value", [("colour", "red"), ("license", [{"@type": "Licence"}])])
-def test_what_the_context_does_not_have_is_refused(name, context, key, value):
-    with pytest.raises(AssertionError, match="no t"):
-        check_linked_data(read(name) | {key: value}, context)
-
-
-def test_a_text_is_no_address():
-    with pytest.raises(AssertionError, match="softwareRequirements"):
-        check_linked_data(read("codemeta.json") | {"softwareRequirements": ["numpy"]}, LINKED[0][1])
 
 
 def test_the_three_say_the_same():

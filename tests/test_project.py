@@ -204,21 +204,15 @@ def test_every_import_is_required(folder):
         place = path.relative_to(ROOT).as_posix()
         if folder == "himap" and place.startswith("himap/app/"):
             continue
-        for name in _top_imports(path) - set(sys.stdlib_module_names) - {"himap", "conftest"}:
+        nodes = [*ast.walk(ast.parse(path.read_text()))]
+        modules = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+        modules += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and not node.level]
+        names = {module.partition(".")[0] for module in modules}
+        for name in names - set(sys.stdlib_module_names) - {"himap", "conftest"}:
             # What is not installed is a module that a test writes, or the import itself fails.
-            names = {owner.lower().replace("_", "-") for owner in owners.get(name, ())}
+            projects = {owner.lower().replace("_", "-") for owner in owners.get(name, ())}
             allowed = required | LAZY.get(place, set())
-            assert not names or names & allowed, f"{place} imports {name}: {names} is not required"
-
-
-def _top_imports(path):
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name.partition(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and not node.level:
-            names.add(node.module.partition(".")[0])
-    return names
+            assert not projects or projects & allowed, f"{place} imports {name}: {projects} is not required"
 
 
 def test_readme_runs_in_order(tmp_path, monkeypatch, rng, no_pages):
