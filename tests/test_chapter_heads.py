@@ -133,8 +133,8 @@ SIZE = 'preset: str = "laptop"  # size'
 @pytest.mark.parametrize(
     ("seconds", "parameters", "runs", "said"),
     [
-        (12.3, SIZE, {}, "12 s and up to 2.1 GB at laptop; what"),
-        (12.3, SIZE, {"a": 600, "b": 1200}, "; 10 to 20 min and up to 13.4 GB at the paper’s size; "),
+        (12.3, SIZE, {}, "12 s and up to 1.8 GB at laptop; what"),
+        (12.3, SIZE, {"a": 600, "b": 1200}, "; 10 to 20 min and up to 10.7 GB at the paper’s size; "),
         (12.3, SIZE, {"a": 600, "b": 1200, "c": 7200}, "; 10 min to 2.0 h and up to"),
         (5, "results: str | None = None  # folder", {}, "5.0 s, for it shows what is stored"),
         (None, SIZE.replace("laptop", "quick"), {}, "an unknown time and up to 0.7 GB at quick"),
