@@ -239,28 +239,28 @@ class TestMeerKATLobes:
 
 class TestPerturbed:
     def test_of_a_gaussian_it_is_one_of_another_width(self):
-        told = PerturbedBeam(beam="evolving", width=0.02, ripple=0.001, period=7, phase=0.5)
+        wrong = PerturbedBeam(beam="evolving", width=0.02, ripple=0.001, period=7, phase=0.5)
         expected = Evolving().fwhm(SURVEY.freqs) * (1.02 + 0.001 * np.sin(2 * np.pi * SURVEY.freqs / 7 + 0.5))
-        assert told.of_survey(SURVEY).total == pytest.approx(sphere.gaussian_beam(expected, LMAX), rel=1e-10)
+        assert wrong.of_survey(SURVEY).total == pytest.approx(sphere.gaussian_beam(expected, LMAX), rel=1e-10)
         assert PerturbedBeam(beam="evolving").of_survey(SURVEY).total == pytest.approx(
             Evolving().of_survey(SURVEY).total
         )
 
     def test_what_the_analyst_smooths_with_is_known(self):
-        told, true = (
+        wrong, true = (
             one.of_survey(SURVEY) for one in (PerturbedBeam(beam="degraded", width=0.1), Degraded())
         )
-        assert np.array_equal(told.resmoothing, true.resmoothing)
-        assert (told.telescope[:, 5:] < true.telescope[:, 5:]).all()
+        assert np.array_equal(wrong.resmoothing, true.resmoothing)
+        assert (wrong.telescope[:, 5:] < true.telescope[:, 5:]).all()
 
     def test_of_a_file(self, tmp_path):
         """It goes by the lines of the file, counts by what it holds, and keeps the sign of b_l."""
         numbers = Evolving().of_survey(SURVEY).total
         numbers[:, 30:] = -0.01
         np.save(tmp_path / "b.npy", numbers)
-        told = PerturbedBeam(beam=str(tmp_path / "b.npy"), width=0.5)
-        assert told.by_line and told.digest() == FromFile(path=tmp_path / "b.npy").digest()
-        assert told.of_survey(SURVEY).total[:, 30:] == pytest.approx(-(0.01**2.25))
+        wrong = PerturbedBeam(beam=str(tmp_path / "b.npy"), width=0.5)
+        assert wrong.by_line and wrong.digest() == FromFile(path=tmp_path / "b.npy").digest()
+        assert wrong.of_survey(SURVEY).total[:, 30:] == pytest.approx(-(0.01**2.25))
         assert not PerturbedBeam().by_line and PerturbedBeam().follows_dish
 
 

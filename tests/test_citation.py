@@ -75,27 +75,27 @@ def test_descriptions_are_linked_data(name, context):
 
 def test_the_three_say_the_same():
     codemeta, zenodo, crate = map(read, ("codemeta.json", ".zenodo.json", "ro-crate-metadata.json"))
-    (whole,) = [one for one in crate["@graph"] if one["@id"] == "./"]
+    (root,) = [one for one in crate["@graph"] if one["@id"] == "./"]
     assert codemeta["@type"] == "SoftwareSourceCode" and "codemeta" in codemeta["@context"]
-    assert {codemeta["name"], zenodo["title"], whole["name"]} == {CITATION["title"]}
-    assert {codemeta["version"], zenodo["version"], whole["version"]} == {CITATION["version"]}
-    dates = {codemeta["dateModified"], zenodo["publication_date"], whole["datePublished"]}
+    assert {codemeta["name"], zenodo["title"], root["name"]} == {CITATION["title"]}
+    assert {codemeta["version"], zenodo["version"], root["version"]} == {CITATION["version"]}
+    dates = {codemeta["dateModified"], zenodo["publication_date"], root["datePublished"]}
     assert dates == {str(CITATION["date-released"])}
     assert {one["name"] for one in codemeta["author"] + zenodo["creators"]} == {
         CITATION["authors"][0]["name"]
     }
 
 
-def test_the_crate_is_whole():
+def test_the_crate_is_complete():
     """Every reference has its entity, every part is there, and a stored result is what its checksum says."""
     graph = {one["@id"]: one for one in read("ro-crate-metadata.json")["@graph"]}
-    about, whole = graph["ro-crate-metadata.json"], graph["./"]
+    about, root = graph["ro-crate-metadata.json"], graph["./"]
     assert about["conformsTo"]["@id"].startswith("https://w3id.org/ro/crate/") and about["about"] == {
         "@id": "./"
     }
-    assert {"name", "description", "datePublished", "license"} <= set(whole)
+    assert {"name", "description", "datePublished", "license"} <= set(root)
     links = [value for one in graph.values() for value in one.values() if isinstance(value, dict)]
-    assert {link["@id"] for link in [*links, *whole["hasPart"]]} - {about["conformsTo"]["@id"]} <= set(graph)
+    assert {link["@id"] for link in [*links, *root["hasPart"]]} - {about["conformsTo"]["@id"]} <= set(graph)
     files = [one for one in graph.values() if one["@type"] == "File"]
     for one in files:
         data = (ROOT / one["@id"]).read_bytes()

@@ -83,7 +83,7 @@ class TestReading:
 
     @pytest.mark.parametrize("dtype", [np.float32, np.float64])
     def test_bad_data(self, dtype, maps, path):
-        """A number that float32 does not hold exactly, beside UNSEEN and infinity."""
+        """A number that float32 does not hold exactly, UNSEEN and infinity."""
         pixels = maps.astype(dtype)
         pixels[0, :3] = -999.9, hp.UNSEEN, np.inf
         write_table(path, pixels, BAD_DATA=-999.9)
@@ -93,9 +93,9 @@ class TestReading:
 
     @pytest.mark.parametrize("null", [None, -5])
     def test_integers(self, null, path):
-        whole = np.arange(-10, N_PIX - 10, dtype=np.int32) + 2**25 * np.array([[0], [1]], dtype=np.int32)
-        write_table(path, whole, null=null)
-        expected = np.where(whole == -5, np.nan if null else -5, whole)
+        numbers = np.arange(-10, N_PIX - 10, dtype=np.int32) + 2**25 * np.array([[0], [1]], dtype=np.int32)
+        write_table(path, numbers, null=null)
+        expected = np.where(numbers == -5, np.nan if null else -5, numbers)
         assert np.array_equal(read_maps(path).maps, expected, equal_nan=True)
 
     @pytest.mark.parametrize("size", [0, 3000, 9000])

@@ -101,8 +101,8 @@ def test_table_and_toc_have_every_figure_and_notebook():
 def test_table_agrees_with_the_notebook_about_its_figures(name):
     stated = {figure if " " in figure else f"Fig. {figure}" for figure in find(name).figures}
     # A figure that a notebook has in part is "planned" as a whole: the notebook does not claim it.
-    whole = [row for row in table_rows() if f"/{name}.ipynb" in row[2] and "planned" not in row[2]]
-    assert {row[0] for row in whole if row[0] in PAPER} == stated
+    complete = [row for row in table_rows() if f"/{name}.ipynb" in row[2] and "planned" not in row[2]]
+    assert {row[0] for row in complete if row[0] in PAPER} == stated
 
 
 def test_presets_of_the_conventions():

@@ -105,7 +105,7 @@ def prose(text, notebook):
 
 
 def numbers(text, notebook):
-    """[(line, number)] of those that stand in the prose of a page."""
+    """[(line, number)] in the prose of a page."""
     text = prose(text, notebook)
     return [
         (text.count("\n", 0, found.start()) + 1, " ".join(found[0].split()))
