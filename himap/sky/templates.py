@@ -254,16 +254,14 @@ def write_templates(folder, nside):
     folder = Path(os.path.expanduser(folder))
     completed = complete_abandoned(folder)
     try:
-        held = sorted(path.name for path in folder.iterdir() if path not in completed)
-    except FileNotFoundError:
-        held = []
+        paths = folder.iterdir() if folder.exists() else ()
+        held = sorted(path.name for path in paths if path not in completed)
     except OSError as error:
         raise InputError(f"{folder} cannot be a folder of templates ({error.strerror}).") from None
     if held:
-        more = f" and {len(held) - 3} more" if len(held) > 3 else ""
         raise InputError(
             f"templates are written to a new or an empty folder, but {folder} holds "
-            f"{', '.join(held[:3])}{more}; give another one, or empty it."
+            f"{', '.join(held[:3])}; give another one, or empty it."
         )
     synchrotron, free_free = pysm_templates(nside)
     if np.any(np.not_equal(free_free.index, FREE_FREE_INDEX)):
