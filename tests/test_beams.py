@@ -1,6 +1,6 @@
 """The contract that every beam fulfils; the beams of the paper against FACTS, katbeam and closed forms."""
 
-from dataclasses import FrozenInstanceError, fields, replace
+from dataclasses import fields, replace
 
 import healpy as hp
 import katbeam
@@ -71,11 +71,6 @@ class TestContract:
     def test_text_there_and_back(self, name, beam):
         assert named(str(beam)) == beam
 
-    def test_frozen_and_a_key(self, name, beam):
-        assert {beam: 1}[replace(beam)] == 1
-        with pytest.raises(FrozenInstanceError):
-            beam.anything = 1
-
     def test_the_dish_matters_where_it_says_so(self, name, beam):
         wide, narrow = (beam.windows(SURVEY.freqs, lmax=LMAX, dish_diameter=d).total for d in (6, 30))
         assert np.array_equal(wide, narrow) != beam.follows_dish
@@ -124,13 +119,6 @@ class TestOscillating:
         assert polynomial == pytest.approx([1.17756, 1.16300, 1.15097, 1.13336, 1.12579, 1.13206], abs=1e-5)
         assert np.rad2deg(fwhm) == pytest.approx([1.6647, 1.4798, 1.3313, 1.2017, 1.1019, 1.0288], abs=1e-4)
 
-    def test_polynomial_against_its_chebyshev_form(self):
-        chebyshev = [1.14744, -0.0269958, 0.00670339, 0.00365301, 0.000960758]
-        chebyshev += [-0.000408714, -0.000699873, 0.00100132, 0.000405592]
-        freqs = np.arange(900.0, 1401, 10)
-        stable = np.polynomial.chebyshev.chebval((freqs - 1150) / 250, chebyshev)
-        assert Oscillating().fwhm(freqs) / diffraction_fwhm(freqs, 13.5) == pytest.approx(stable, abs=2e-5)
-
     def test_against_holography(self):
         """The MeerKAT L-band table: our FWHM is within 1.5 % of the mean of its four columns."""
         beam = katbeam.JimBeam("MKAT-AA-L-JIM-2020")
@@ -139,19 +127,22 @@ class TestOscillating:
         assert np.rad2deg(Oscillating().fwhm(ROUND_FREQS)) == pytest.approx(expected, rel=0.015)
         assert np.rad2deg(MeerKAT().fwhm(ROUND_FREQS)) == pytest.approx(expected, rel=0.015)
 
-    @pytest.mark.parametrize(("ripple", "relative"), [("bracket", 0.0014), ("additive_strong", 0.007)])
-    def test_ripple_amplitude(self, ripple, relative):
-        beam = Oscillating(ripple=ripple)
-        crest, trough = beam.fwhm([1145.0, 1155.0])  # sin = 1, -1
-        smooth = beam.fwhm([1140.0, 1150.0, 1160.0])
-        # Half the jump from crest to trough, less the smooth change of the beam over those 10 MHz.
-        amplitude = 0.5 * (crest - trough + (smooth[0] - smooth[2]) * -0.5)
-        assert amplitude / smooth[1] == pytest.approx(relative, rel=0.1)
-
-    def test_ripple_in_arcmin(self):
-        for ripple, arcmin in (("additive", 0.1), ("additive_strong", 0.5)):
-            extra = Oscillating(ripple=ripple).fwhm([905.0]) - diffraction_fwhm([905.0], 13.5)
-            assert np.rad2deg(extra) * 60 == pytest.approx([arcmin])
+    @pytest.mark.parametrize(
+        ("ripple", "smooth", "relative"),
+        [
+            ("bracket", Rippled(amplitude=0), 0.0014),
+            ("additive", Evolving(), 0.0014),
+            ("additive_strong", Evolving(), 0.007),
+        ],
+    )
+    def test_ripple_amplitude(self, ripple, smooth, relative):
+        """At crest and trough, sin = 1 and -1; in arcmin it is as stated."""
+        freqs = [1145.0, 1155.0]
+        wave = Oscillating(ripple=ripple).fwhm(freqs) - smooth.fwhm(freqs)
+        assert wave / smooth.fwhm(freqs) == pytest.approx([relative, -relative], rel=0.1)
+        if ripple != "bracket":
+            arcmin = {"additive": 0.1, "additive_strong": 0.5}[ripple]
+            assert np.rad2deg(wave) * 60 == pytest.approx([arcmin, -arcmin])
 
     @pytest.mark.parametrize("beam", [Oscillating(), Rippled()], ids=str)
     def test_beyond_the_polynomial(self, beam):
@@ -203,32 +194,21 @@ class TestMeerKAT:
     @pytest.mark.parametrize(
         ("beam", "freqs", "message"),
         [
-            ("meerkat", [971, 1023], "both bands hold.*give meerkat:band=UHF or meerkat:band=L"),
-            ("meerkat", [500, 600], "UHF from 550 to 1050 MHz and L from 900 to 1650 MHz.*go from 500 to"),
-            ("meerkat", [880, 1060], "beyond the nodes of UHF or L nothing is known"),
-            ("meerkat:band=UHF", [1000, 1084], "beyond the nodes of UHF nothing is known"),
-            ("meerkat_lobes:band=L", [899, 1000], "beyond the nodes of L nothing is known"),
+            (
+                "meerkat",
+                [971, 1023],
+                "one band alone, of UHF and L, got 971 to 1023.*name one: meerkat:band=UHF",
+            ),
+            ("meerkat", [500, 600], "UHF from 550 to 1050 MHz, L from 900 to 1650 MHz.*leave out"),
+            ("meerkat", [880, 1060], "of UHF and L, got 880 to 1060"),
+            ("meerkat:band=UHF", [1000, 1084], "of UHF, got 1000 to 1084"),
+            ("meerkat_lobes:band=L", [899, 1000], "of L, got 899 to 1000"),
             ("meerkat:band=S", [900, 1000], "band must be any, UHF or L, got 'S'"),
         ],
     )
     def test_refused(self, beam, freqs, message):
         with pytest.raises(InputError, match=message):
             named(beam).windows(freqs, lmax=10)
-
-    def test_width_of_a_gaussian_is_its_own(self, monkeypatch):
-        """Against a closed form, with nodes that a model itself says."""
-
-        class Model:
-            freqMHzlist = np.array([700.0, 800.0])
-
-            def I(self, x, y, freq):  # noqa: E743
-                return np.exp(-4 * np.log(2) * (x**2 + y**2) / (1200 / freq) ** 2)
-
-        monkeypatch.setattr("himap.instrument.beams.meerkat._model", lambda band: Model())
-        freqs = np.array([700.0, 760.0, 800.0])
-        assert np.rad2deg(MeerKAT(band="L").fwhm(freqs)) == pytest.approx(1200 / freqs, rel=1e-5)
-        with pytest.raises(InputError, match="L from 700 to 800 MHz"):
-            MeerKAT(band="L").fwhm([700.0, 801.0])
 
 
 class TestMeerKATLobes:
@@ -259,35 +239,32 @@ class TestMeerKATLobes:
 
 class TestPerturbed:
     def test_of_a_gaussian_it_is_one_of_another_width(self):
-        told = PerturbedBeam(beam="evolving", width=0.02, ripple=0.001, period=7, phase=0.5)
+        wrong = PerturbedBeam(beam="evolving", width=0.02, ripple=0.001, period=7, phase=0.5)
         expected = Evolving().fwhm(SURVEY.freqs) * (1.02 + 0.001 * np.sin(2 * np.pi * SURVEY.freqs / 7 + 0.5))
-        assert told.of_survey(SURVEY).total == pytest.approx(sphere.gaussian_beam(expected, LMAX), rel=1e-10)
+        assert wrong.of_survey(SURVEY).total == pytest.approx(sphere.gaussian_beam(expected, LMAX), rel=1e-10)
         assert PerturbedBeam(beam="evolving").of_survey(SURVEY).total == pytest.approx(
             Evolving().of_survey(SURVEY).total
         )
 
     def test_what_the_analyst_smooths_with_is_known(self):
-        told, true = (
+        wrong, true = (
             one.of_survey(SURVEY) for one in (PerturbedBeam(beam="degraded", width=0.1), Degraded())
         )
-        assert np.array_equal(told.resmoothing, true.resmoothing)
-        assert (told.telescope[:, 5:] < true.telescope[:, 5:]).all()
+        assert np.array_equal(wrong.resmoothing, true.resmoothing)
+        assert (wrong.telescope[:, 5:] < true.telescope[:, 5:]).all()
 
     def test_of_a_file(self, tmp_path):
         """It goes by the lines of the file, counts by what it holds, and keeps the sign of b_l."""
         numbers = Evolving().of_survey(SURVEY).total
         numbers[:, 30:] = -0.01
         np.save(tmp_path / "b.npy", numbers)
-        told = PerturbedBeam(beam=str(tmp_path / "b.npy"), width=0.5)
-        assert told.by_line and told.digest() == FromFile(path=tmp_path / "b.npy").digest()
-        assert told.of_survey(SURVEY).total[:, 30:] == pytest.approx(-(0.01**2.25))
+        wrong = PerturbedBeam(beam=str(tmp_path / "b.npy"), width=0.5)
+        assert wrong.by_line and wrong.digest() == FromFile(path=tmp_path / "b.npy").digest()
+        assert wrong.of_survey(SURVEY).total[:, 30:] == pytest.approx(-(0.01**2.25))
         assert not PerturbedBeam().by_line and PerturbedBeam().follows_dish
 
 
 class TestRippled:
-    def test_by_default_that_of_the_paper(self):
-        assert Rippled().of_survey(SURVEY).total == pytest.approx(Oscillating().of_survey(SURVEY).total)
-
     def test_its_ripple(self):
         """FWHM / (lambda / D), less that without a ripple, is A sin(2 pi nu / period + phase)."""
         freqs = np.linspace(900, 1400, 300)
@@ -321,7 +298,7 @@ class TestFromFile:
         [
             (np.ones(7), r"for each of the 30 channels, got \(7,\)"),
             (np.ones((30, 10)), "must reach l = 47 for nside 16, got b_l to 9"),
-            (np.full((30, 48), np.nan), "must hold finite numbers, got nan in line 1 at l = 0"),
+            (np.full((30, 48), np.nan), "finite b_l that are 1 at l = 0 .*, got nan"),
             (np.full((30, 48), 50.0), "1 at l = 0 and nowhere more, got 50"),
             (np.full(30, 0.02), "FWHM in degrees, between 0.04 and 10, got 0.02"),
         ],

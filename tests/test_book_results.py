@@ -169,10 +169,10 @@ def stored_folders():
 
 
 def test_all_that_is_stored_is_shown():
-    beside = {path.stem for path in RESULTS.glob("claims_laptop_*.json")}  # chapter 15 shows these
-    assert beside <= {f"claims_laptop_{place}" for place in ("letter", "code", "beam_subspace")}
+    others = {path.stem for path in RESULTS.glob("claims_laptop_*.json")}  # chapter 15 shows these
+    assert others <= {f"claims_laptop_{place}" for place in ("letter", "code", "beam_subspace")}
     ledgers = [*RESULTS.glob("claims_*.json"), *RESULTS.glob("restarts_paper_*.json")]
-    assert set(stored_ledgers()) | beside == {path.stem for path in ledgers}
+    assert set(stored_ledgers()) | others == {path.stem for path in ledgers}
     assert set(stored_folders()) == {path.parent.name for path in RESULTS.glob("*/figures.json")}
 
 

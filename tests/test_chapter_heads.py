@@ -94,15 +94,13 @@ def small_page(folder, text, ledger=LEDGER):
     return (folder / "html" / "index.html").read_text(), re.findall("ERROR: .*", warnings.getvalue())
 
 
-def test_a_claim_without_the_ledger_page_is_plain_and_without_a_ledger_its_name(tmp_path):
+def test_claims_without_the_page_of_the_ledger_without_a_ledger_and_without_a_claim(tmp_path):
     page, said = small_page(tmp_path / "a", "See {claim}`D1`.")
     assert re.search(r'See D1\xa0<span class="himap-verdict">\S [^<]+</span>', page) and not said
     page, said = small_page(tmp_path / "b", "See {claim}`D1`.", ledger=None)
     assert "<p>See D1.</p>" in page and not said
-
-
-def test_a_claim_that_is_none_is_told(tmp_path):
-    assert "the ledger has no claim 'Z9'" in small_page(tmp_path, "See {claim}`Z9`.")[1][0]
+    _, (said,) = small_page(tmp_path / "c", "See {claim}`Z9`.")
+    assert "the ledger has no claim 'Z9'" in said
 
 
 @pytest.mark.parametrize("old", [{}, {"claims_laptop": "the code behind claims changed", "other": "too"}])
@@ -129,44 +127,33 @@ def test_a_head_with_verdicts_says_that_the_ledger_is_stale(tmp_path, monkeypatc
     assert page.count("stale stored results: 1 of 1") == n_stale and not errors
 
 
-def chapter_file(folder, *, seconds, parameters):
-    """A notebook that was executed, with one figure."""
+SIZE = 'preset: str = "laptop"  # size'
+
+
+@pytest.mark.parametrize(
+    ("seconds", "parameters", "runs", "said"),
+    [
+        (12.3, SIZE, {}, "12 s and up to 1.8 GB at laptop; what"),
+        (12.3, SIZE, {"a": 600, "b": 1200}, "; 10 to 20 min and up to 10.7 GB at the paper’s size; "),
+        (12.3, SIZE, {"a": 600, "b": 1200, "c": 7200}, "; 10 min to 2.0 h and up to"),
+        (5, "results: str | None = None  # folder", {}, "5.0 s, for it shows what is stored"),
+        (None, SIZE.replace("laptop", "quick"), {}, "an unknown time and up to 0.7 GB at quick"),
+    ],
+)
+def test_the_cost_is_what_was_measured_and_what_is_asked_for(tmp_path, seconds, parameters, runs, said):
+    """Of a notebook with one figure that ran for some time, and `runs` of it with stored figures."""
+    from chapter_heads import cost
+
     cells = [
         nbformat.v4.new_code_cell(parameters, metadata={"tags": ["parameters"]}),
         nbformat.v4.new_code_cell("1", metadata={"mystnb": {"figure": {"name": "fig-a"}}}),
     ]
     execution = {} if seconds is None else {"seconds": seconds}
     node = nbformat.v4.new_notebook(cells=cells, metadata={"himap_run": {"execution": execution}})
-    nbformat.write(node, folder / "01_a.ipynb")
-    return folder / "01_a.ipynb"
-
-
-def stored(folder, **seconds):
-    """Stored figures of several runs, {name of the folder: seconds}."""
-    for name, value in seconds.items():
-        (folder / name).mkdir()
-        rows = [
-            {"name": "fig-a", "execution": {"seconds": value}},
-            {"name": "fig-b", "execution": {"seconds": 1}},
-        ]
-        (folder / name / "figures.json").write_text(json.dumps({"figures": rows}))
-
-
-def test_the_cost_is_what_was_measured_and_what_is_asked_for(tmp_path):
-    from chapter_heads import cost
-
-    path = chapter_file(tmp_path, seconds=12.3, parameters='preset: str = "laptop"  # size')
-    assert cost(path, tmp_path).startswith("12 s and up to 2.1 GB at laptop; what")
-    stored(tmp_path, real=600, synthetic=1200)
-    assert "; 10 to 20 min and up to 13.4 GB at the paper’s size; " in cost(path, tmp_path)
-    stored(tmp_path, third=7200)
-    assert "; 10 min to 2.0 h and up to" in cost(path, tmp_path)
-
-
-def test_the_cost_of_what_shows_stored_results_or_never_ran(tmp_path):
-    from chapter_heads import cost
-
-    path = chapter_file(tmp_path, seconds=5, parameters="results: str | None = None  # folder")
-    assert cost(path, tmp_path) == "5.0 s, for it shows what is stored"
-    path = chapter_file(tmp_path, seconds=None, parameters='preset: str = "quick"  # size')
-    assert cost(path, tmp_path).startswith("an unknown time and up to 0.7 GB at quick")
+    nbformat.write(node, tmp_path / "01_a.ipynb")
+    for name, value in runs.items():
+        (tmp_path / name).mkdir()
+        rows = [{"name": "fig-a", "execution": {"seconds": value}}]
+        rows += [{"name": "fig-b", "execution": {"seconds": 1}}]
+        (tmp_path / name / "figures.json").write_text(json.dumps({"figures": rows}))
+    assert said in cost(tmp_path / "01_a.ipynb", tmp_path)

@@ -29,26 +29,11 @@ def test_descriptions_are_up_to_date(name):
     assert (ROOT / name).read_text() == expected, "run `python book/metadata.py`"
 
 
-def validate_citation(text):
-    """Check a CITATION.cff against the schema of its format; dates are texts there."""
-    content = yaml.safe_load(text)
-    content["date-released"] = str(content["date-released"])
+def test_citation_fits_the_schema_of_its_format():
+    """Dates are texts there."""
+    content = CITATION | {"date-released": str(CITATION["date-released"])}
     schema = json.loads((FORMATS / "cff-1.2.0.schema.json").read_text())
     jsonschema.Draft7Validator(schema).validate(content)
-
-
-def test_citation_fits_the_schema_of_its_format():
-    validate_citation((ROOT / "CITATION.cff").read_text())
-
-
-@pytest.mark.parametrize(
-    "change",
-    [("license: MIT", "license: ours"), ("2026-", "26-"), ("type: software", "kind: software")],
-)
-def test_a_citation_that_does_not_fit_is_refused(change):
-    text = (ROOT / "CITATION.cff").read_text()
-    with pytest.raises(jsonschema.ValidationError):
-        validate_citation(text.replace(*change))
 
 
 def entities_of(value):
@@ -61,8 +46,16 @@ def entities_of(value):
             yield from entities_of(item)
 
 
-def check_linked_data(document, context):
+@pytest.mark.parametrize(
+    "name, context",
+    [
+        ("codemeta.json", "codemeta-2.0.context.json"),
+        ("ro-crate-metadata.json", "ro-crate-1.1.terms.json"),
+    ],
+)
+def test_descriptions_are_linked_data(name, context):
     """Every key and type is a term of the context, so that it has an address, and addresses are such."""
+    document = read(name)
     terms = json.loads((FORMATS / context).read_text())["@context"]
     stated = document["@context"] if isinstance(document["@context"], list) else [document["@context"]]
     assert re.match("https://", stated[0])
@@ -80,52 +73,29 @@ def check_linked_data(document, context):
                 assert not address or all(re.match(r"https?://", one) for one in texts), f"{key}: {texts}"
 
 
-LINKED = [
-    ("codemeta.json", "codemeta-2.0.context.json"),
-    ("ro-crate-metadata.json", "ro-crate-1.1.terms.json"),
-]
-
-
-@pytest.mark.parametrize("name, context", LINKED)
-def test_descriptions_are_linked_data(name, context):
-    check_linked_data(read(name), context)
-
-
-@pytest.mark.parametrize("name, context", LINKED)
-@pytest.mark.parametrize("key, value", [("colour", "red"), ("license", [{"@type": "Licence"}])])
-def test_what_the_context_does_not_have_is_refused(name, context, key, value):
-    with pytest.raises(AssertionError, match="no t"):
-        check_linked_data(read(name) | {key: value}, context)
-
-
-def test_a_text_is_no_address():
-    with pytest.raises(AssertionError, match="softwareRequirements"):
-        check_linked_data(read("codemeta.json") | {"softwareRequirements": ["numpy"]}, LINKED[0][1])
-
-
 def test_the_three_say_the_same():
     codemeta, zenodo, crate = map(read, ("codemeta.json", ".zenodo.json", "ro-crate-metadata.json"))
-    (whole,) = [one for one in crate["@graph"] if one["@id"] == "./"]
+    (root,) = [one for one in crate["@graph"] if one["@id"] == "./"]
     assert codemeta["@type"] == "SoftwareSourceCode" and "codemeta" in codemeta["@context"]
-    assert {codemeta["name"], zenodo["title"], whole["name"]} == {CITATION["title"]}
-    assert {codemeta["version"], zenodo["version"], whole["version"]} == {CITATION["version"]}
-    dates = {codemeta["dateModified"], zenodo["publication_date"], whole["datePublished"]}
+    assert {codemeta["name"], zenodo["title"], root["name"]} == {CITATION["title"]}
+    assert {codemeta["version"], zenodo["version"], root["version"]} == {CITATION["version"]}
+    dates = {codemeta["dateModified"], zenodo["publication_date"], root["datePublished"]}
     assert dates == {str(CITATION["date-released"])}
     assert {one["name"] for one in codemeta["author"] + zenodo["creators"]} == {
         CITATION["authors"][0]["name"]
     }
 
 
-def test_the_crate_is_whole():
+def test_the_crate_is_complete():
     """Every reference has its entity, every part is there, and a stored result is what its checksum says."""
     graph = {one["@id"]: one for one in read("ro-crate-metadata.json")["@graph"]}
-    about, whole = graph["ro-crate-metadata.json"], graph["./"]
+    about, root = graph["ro-crate-metadata.json"], graph["./"]
     assert about["conformsTo"]["@id"].startswith("https://w3id.org/ro/crate/") and about["about"] == {
         "@id": "./"
     }
-    assert {"name", "description", "datePublished", "license"} <= set(whole)
+    assert {"name", "description", "datePublished", "license"} <= set(root)
     links = [value for one in graph.values() for value in one.values() if isinstance(value, dict)]
-    assert {link["@id"] for link in [*links, *whole["hasPart"]]} - {about["conformsTo"]["@id"]} <= set(graph)
+    assert {link["@id"] for link in [*links, *root["hasPart"]]} - {about["conformsTo"]["@id"]} <= set(graph)
     files = [one for one in graph.values() if one["@type"] == "File"]
     for one in files:
         data = (ROOT / one["@id"]).read_bytes()

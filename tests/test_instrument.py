@@ -114,13 +114,13 @@ def test_foregrounds_as_spectra_times_maps(cubes, rng):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"hi": np.zeros((4, 12))}, r"hi must have shape \(n_channels, n_alm\)"),
-        ({"noise": np.zeros((2, 12))}, r"noise must have shape \(n_channels, n_pix\)"),
-        ({"noise": np.zeros((2, 12)), "beam": Degraded()}, r"noise must have shape \(n_channels, n_alm\)"),
-        ({"spectra": np.ones((2, 1))}, "spectra of the foregrounds must have shape"),
-        ({"spectra": np.ones((4, 2))}, "spectra of the foregrounds must have shape"),
-        ({"alms": np.zeros((1, 12))}, "maps of the foregrounds must have shape"),
-        ({"survey": replace(SURVEY, nside=8)}, r"the beam must be made for this survey"),
+        ({"hi": np.zeros((4, 12))}, r"hi .* \(4, 1176\), got \(4, 12\)"),
+        ({"noise": np.zeros((2, 12))}, r"the noise .* \(4, 3072\)"),
+        ({"noise": np.zeros((2, 12)), "beam": Degraded()}, r"the noise .* \(4, 1176\)"),
+        ({"spectra": np.ones((2, 1))}, "spectra of the foregrounds"),
+        ({"spectra": np.ones((4, 2))}, "spectra of the foregrounds"),
+        ({"alms": np.zeros((1, 12))}, "coefficients of the foregrounds"),
+        ({"survey": replace(SURVEY, nside=8)}, "b_l of the beam must have the shape for this survey"),
     ],
 )
 def test_what_is_not_of_the_survey(given, message):

@@ -49,7 +49,7 @@ LARGE_BOX, IN_FILES = replace(PAPER, box_cells=2048), {"steps": ["HI light cone"
     ("limit", "survey", "options", "refusal"),
     [
         ("24GB", PAPER, {"jobs": 2}, None),
-        ("24GB", LARGE_BOX, {}, r"HI light cone needs about 10\d GB .* a smaller box_cells needs less"),
+        ("24GB", LARGE_BOX, {}, r"HI light cone needs about 7\d.\d GB .* a smaller box_cells needs less"),
         ("24GB", LARGE_BOX, {"steps": ["cleaning"]}, None),
         ("12GB", LARGE_BOX, IN_FILES, None),
         ("12GB", replace(LARGE_BOX, nside=2048), IN_FILES, "HI light cone needs about .*: a smaller nside"),

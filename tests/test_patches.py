@@ -37,14 +37,6 @@ def test_cells_are_those_of_zea(lonlat):
     assert same.mean() > 0.995  # the rest lies on an edge between two pixels
 
 
-def test_cells_have_equal_area():
-    """Each pixel of the sphere within a patch has as many cells, but for its edge."""
-    counts = np.bincount(patch_pixels(32, np.array([0, 0, 1.0]), 0.25, 400).ravel(), minlength=12 * 32**2)
-    cells = 400**2 * (4 * np.pi / (12 * 32**2)) / 0.25**2
-    inside = counts[counts > 0.5 * cells]
-    assert np.median(inside) == pytest.approx(cells, rel=0.01)
-
-
 def test_patches_do_not_overlap_and_are_seen():
     mask = sphere.pixel_latitude(32) > 10
     centres, shares = patch_centres(mask, 0.25, 12, least=0.9, most=20)

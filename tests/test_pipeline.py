@@ -13,7 +13,8 @@ from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.paper import cleaned, pipeline
 from himap.removal import PCA, SDecGMCA
-from himap.sky.galaxy import Galaxy, foreground_maps
+from himap.sky.emission import emission_maps
+from himap.sky.galaxy import Galaxy
 from himap.sky.point_sources import point_sources
 
 SMALL = Survey(nside=16, n_channels=20, box_cells=32)
@@ -29,8 +30,8 @@ def test_products_are_kept_and_mapped():
 
 
 def test_foregrounds_are_the_sum_of_their_components():
-    maps = foreground_maps(SMALL, Galaxy())
     parts = pipeline.components_of_sky(SMALL.sky, Galaxy())
+    maps = emission_maps(parts, SMALL.freqs)
     assert [part.name for part in parts] == ["synchrotron", "free-free", "point sources"]
     assert maps[7] == pytest.approx(sum(part.map(SMALL.freqs[7]) for part in parts), rel=1e-6)
     assert maps.min() > 0

@@ -101,8 +101,8 @@ def test_table_and_toc_have_every_figure_and_notebook():
 def test_table_agrees_with_the_notebook_about_its_figures(name):
     stated = {figure if " " in figure else f"Fig. {figure}" for figure in find(name).figures}
     # A figure that a notebook has in part is "planned" as a whole: the notebook does not claim it.
-    whole = [row for row in table_rows() if f"/{name}.ipynb" in row[2] and "planned" not in row[2]]
-    assert {row[0] for row in whole if row[0] in PAPER} == stated
+    complete = [row for row in table_rows() if f"/{name}.ipynb" in row[2] and "planned" not in row[2]]
+    assert {row[0] for row in complete if row[0] in PAPER} == stated
 
 
 def test_presets_of_the_conventions():
@@ -204,21 +204,15 @@ def test_every_import_is_required(folder):
         place = path.relative_to(ROOT).as_posix()
         if folder == "himap" and place.startswith("himap/app/"):
             continue
-        for name in _top_imports(path) - set(sys.stdlib_module_names) - {"himap", "conftest"}:
+        nodes = [*ast.walk(ast.parse(path.read_text()))]
+        modules = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+        modules += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and not node.level]
+        names = {module.partition(".")[0] for module in modules}
+        for name in names - set(sys.stdlib_module_names) - {"himap", "conftest"}:
             # What is not installed is a module that a test writes, or the import itself fails.
-            names = {owner.lower().replace("_", "-") for owner in owners.get(name, ())}
+            projects = {owner.lower().replace("_", "-") for owner in owners.get(name, ())}
             allowed = required | LAZY.get(place, set())
-            assert not names or names & allowed, f"{place} imports {name}: {names} is not required"
-
-
-def _top_imports(path):
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name.partition(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and not node.level:
-            names.add(node.module.partition(".")[0])
-    return names
+            assert not projects or projects & allowed, f"{place} imports {name}: {projects} is not required"
 
 
 def test_readme_runs_in_order(tmp_path, monkeypatch, rng, no_pages):

@@ -9,8 +9,7 @@ from himap import removal
 from himap.core.checks import checked_cube, whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
-from himap.instrument.beams import Evolving, named
-from himap.instrument.observe import observe
+from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures.cylindrical import cell_of, cylindrical_power
 from himap.measures.diagnostics import ratio
@@ -30,7 +29,6 @@ BROKEN = np.where(np.indices(SKY.shape).sum(axis=0) == 0, np.nan, SKY)
 ONE = HarmonicPower(power=np.ones((5, 4)), n_channels=6, channel_width=1.0)
 CELL = np.array([3.0, 2.0, 2.5])
 SURVEY = Survey(nside=4, n_channels=6, box_cells=16)
-OTHER = Evolving().of_survey(Survey(nside=8, n_channels=6, box_cells=16))
 
 
 def changed(value, where=(3, 5)):
@@ -186,7 +184,6 @@ TABLE = [
     *((sphere.nside_of, "maps", np.zeros(n), f"got {n} pixels") for n in (100, 12 * 9**2)),
     (sphere.lmax_of_size, "n_alm", 12, "12 is not the number"),
     (partial(sphere.multiply_beam, np.zeros(sphere.alm_size(47))), "beam", np.ones(10), "l = 47, got 9"),
-    (partial(observe, *3 * [ONES[:6]], survey=SURVEY), "windows", OTHER, r"\(6, 12\), got \(6, 24\)"),
     (partial(pipeline.Case, survey=SURVEY), "galaxy", "synthetic", "a Survey and a Galaxy"),
     (partial(pipeline.Case, survey=SURVEY), "beam", "degraded", "a Case takes a beam, such as Degraded"),
     (partial(pipeline.Case, survey=SURVEY), "dimming", 0.1, "dimming must be a Dimming or None, got 0.1"),

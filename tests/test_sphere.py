@@ -26,11 +26,12 @@ def pixels(rng):
 
 
 def test_against_healpy(pixels):
-    ours = sphere.analyse(pixels)
+    """Of the second map of a cube, so that the first does not matter to it."""
+    ours = sphere.analyse(np.stack([pixels[::-1], pixels]))
     theirs = hp.map2alm(pixels, iter=3)
-    assert ours == pytest.approx(theirs, abs=1e-12)
-    assert sphere.synthesise(ours, NSIDE) == pytest.approx(hp.alm2map(theirs, NSIDE), abs=1e-11)
-    assert sphere.power_spectrum(ours) == pytest.approx(hp.alm2cl(theirs), rel=1e-10)
+    assert ours[1] == pytest.approx(theirs, abs=1e-12)
+    assert sphere.synthesise(ours, NSIDE)[1] == pytest.approx(hp.alm2map(theirs, NSIDE), abs=1e-11)
+    assert sphere.power_spectrum(ours)[1] == pytest.approx(hp.alm2cl(theirs), rel=1e-10)
 
 
 def test_float32_in_float32_out(pixels):
@@ -47,12 +48,6 @@ def test_round_trip(alm):
     errors = [np.abs(sphere.analyse(pixels, 2 * NSIDE, n_iter=n) - inside).max() for n in (0, 3, 6)]
     assert errors[0] > 20 * errors[1] > 20 * errors[2]
     assert errors[1] < 2e-3
-
-
-def test_cubes_are_transformed_map_by_map(pixels):
-    cube = np.stack([pixels, pixels[::-1]])
-    assert np.array_equal(sphere.analyse(cube)[1], sphere.analyse(pixels[::-1]))
-    assert sphere.power_spectrum(sphere.analyse(cube)).shape == (2, LMAX + 1)
 
 
 def test_gaussian_alm_has_its_spectrum(rng):
@@ -79,12 +74,6 @@ def test_a_cube_keeps_faint_signals_under_bright_ones(pixels):
     assert cube.dtype == np.float32 and cube == pytest.approx(exact, rel=0, abs=half_digit)
 
 
-def test_coupling_matrix_of_the_full_sky_is_the_identity():
-    mask_cl = np.zeros(41)
-    mask_cl[0] = 4 * np.pi
-    assert sphere.coupling_matrix(mask_cl, 20) == pytest.approx(np.eye(21), abs=1e-12)
-
-
 def test_coupling_matrix_predicts_pseudo_spectra(rng):
     """Mean pseudo-C_l of many masked realisations against M C_l."""
     cl = 1 / (1 + np.arange(LMAX + 1.0))
@@ -95,13 +84,6 @@ def test_coupling_matrix_predicts_pseudo_spectra(rng):
     expected = sphere.coupling_matrix(hp.anafast(mask), LMAX) @ cl
     assert pseudo[2:24] == pytest.approx(expected[2:24], rel=0.15)
     assert (pseudo[2:24] / expected[2:24]).mean() == pytest.approx(1, abs=0.02)
-
-
-def test_sizes():
-    assert sphere.lmax_of_size(sphere.alm_size(100)) == 100
-    assert sphere.nside_of(np.zeros((3, 12 * 8**2))) == 8
-    ells, _ = hp.Alm.getlm(10)
-    assert np.array_equal(sphere.alm_degree(10), ells)
 
 
 def test_closely_analysed_maps_come_back(rng):

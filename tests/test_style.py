@@ -73,14 +73,6 @@ def test_wrong_ways_are_seen(tmp_path):
         assert said in outcome.stdout
 
 
-@pytest.mark.parametrize(("name", "source"), library().items(), ids=library())
-def test_imports_are_written_in_full(name, source):
-    relative = [
-        node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom) and node.level
-    ]
-    assert not relative
-
-
 @pytest.mark.parametrize("command", [["check"], ["format", "--check"]], ids=["check", "format"])
 def test_ruff(command):
     folders = ["himap", "tests", "notebooks", "benchmarks", "book"]
@@ -99,22 +91,18 @@ def test_a_package_lists_what_it_offers(path):
     assert not imports or "__all__ = [" in source
 
 
-@pytest.mark.parametrize(("name", "source"), library().items(), ids=library())
-def test_modules_are_small(name, source):
-    tree = ast.parse(source)
-    assert ast.get_docstring(tree), "a module says in its docstring what it is for"
-    assert len(source.splitlines()) < 350, "a module fits on a few screens; split it"
-
-
 WORDS = {"told", "taken", "found", "stands", "hangs", "beside", "lean", "misjudged", "lacking", "came", "put"}
 """In place of which the field has others: residual, assumed, recovered, removed, missing, input, output."""
 
 
 @pytest.mark.parametrize(("name", "source"), library().items(), ids=library())
-def test_names_are_words_of_the_field(name, source):
-    """Of functions, classes, their arguments and fields."""
-    names = set()
-    for node in ast.walk(ast.parse(source)):
+def test_modules_are_small_and_their_names_are_words_of_the_field(name, source):
+    """Names of functions, classes, their arguments and fields; and imports are written in full."""
+    tree, names = ast.parse(source), set()
+    assert ast.get_docstring(tree), "a module says in its docstring what it is for"
+    assert len(source.splitlines()) < 350, "a module fits on a few screens; split it"
+    for node in ast.walk(tree):
+        assert not (isinstance(node, ast.ImportFrom) and node.level)
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             names.add(node.name)
         elif isinstance(node, ast.arg):

@@ -83,13 +83,6 @@ def test_synthetic_plane_has_no_steps(skies):
         assert np.abs(np.diff(profile[5:])).max() < 0.25
 
 
-def test_synthetic_sky_is_reproducible_and_differs_between_seeds(skies):
-    again = Galaxy().components(64, np.random.default_rng(0))
-    for one, same, other in zip(skies[0], again, skies[1], strict=True):
-        assert np.array_equal(one.amplitude, same.amplitude)
-        assert not np.allclose(one.amplitude, other.amplitude, rtol=0.01)
-
-
 @pytest.mark.parametrize("nside", [4, 32])
 def test_coarse_synthetic_sky_is_the_mean_of_the_fine_one(skies, nside):
     for coarse, fine in zip(Galaxy().components(nside, np.random.default_rng(0)), skies[0], strict=True):
@@ -105,20 +98,6 @@ def test_one_seed_is_one_sky_at_any_resolution(skies):
         ratio = spectrum(component.amplitude)[2:30] / spectrum(coarse.amplitude)[2:30]
         assert ratio == pytest.approx(1, abs=0.15)
         assert spectrum(component.amplitude)[300:380].min() > 0  # there is structure beyond 3 nside - 1 = 191
-
-
-def test_a_change_of_one_component_leaves_the_other(skies, monkeypatch):
-    original = synthetic._synchrotron
-
-    def thirsty(vectors, plane, nside, rng):
-        rng.standard_normal(1000)
-        rng.spawn(3)
-        return original(vectors, plane, nside, rng)
-
-    monkeypatch.setattr(synthetic, "_synchrotron", thirsty)
-    sync, free = Galaxy().components(64, np.random.default_rng(0))
-    assert not np.allclose(sync.amplitude, skies[0][0].amplitude)
-    assert np.array_equal(free.amplitude, skies[0][1].amplitude)
 
 
 def test_disc_brightness_is_the_integral_along_the_line_of_sight():
@@ -141,10 +120,6 @@ def test_coefficients_have_the_spectrum_and_do_not_depend_on_lmax(rng):
     short = synthetic._gaussian_alm(cl[:20], np.random.default_rng(5))
     kept = np.concatenate([long[hp.Alm.getidx(63, np.arange(m, 20), m)] for m in range(20)])
     assert np.array_equal(kept, short)
-    white = synthetic._gaussian_alm(np.ones(64), rng)
-    white[64:] *= np.sqrt(2)
-    used = np.concatenate([white.real, white.imag[64:]])
-    assert len(np.unique(used.round(12))) == 64**2  # every coefficient is another number
     mean = np.mean([hp.alm2cl(synthetic._gaussian_alm(cl, rng)) for _ in range(200)], axis=0)
     scatter = np.sqrt(2 / (200 * (2 * np.arange(64) + 1)))
     assert np.abs((mean / cl - 1) / scatter).max() < 4.5

@@ -73,10 +73,10 @@ def with_pixel(value, count=1):
         ("synchrotron_408MHz.fits", with_pixel(np.inf), {}, "1 of 3072 pixels"),
         ("synchrotron_408MHz.fits", with_pixel(hp.UNSEEN, 2), {"dtype": np.float32}, "2 of 3072 pixels"),
         ("synchrotron_408MHz.fits", with_pixel(-1.0, 40), {}, "40 of 3072 pixels"),
-        ("synchrotron_408MHz.fits", with_pixel(hp.UNSEEN, 9), {"partial": True}, "a part of the sky"),
+        ("synchrotron_408MHz.fits", with_pixel(hp.UNSEEN, 9), {"partial": True}, "9 of 3072 pixels"),
         ("synchrotron_408MHz.fits", with_pixel(1.0), {"coord": "C"}, r"healpy.Rotator\(coord=\['C', 'G'\]\)"),
-        ("synchrotron_beta.fits", np.full(768, 3.0), {}, "768 of 768 pixels are outside"),
-        ("synchrotron_beta.fits", with_pixel(-6.0), {}, "between -5 and 0"),
+        ("synchrotron_beta.fits", np.full(768, 3.0), {}, "between -5 and 0 .* got 3 to 3"),
+        ("synchrotron_beta.fits", with_pixel(-6.0), {}, "got -6 to "),
         ("synchrotron_beta.fits", np.full(768, np.nan), {}, "768 of 768"),
         ("free_free_30GHz.fits", lognormal(32, 2), {"column_units": "K_CMB"}, "out of K, .*K_CMB"),
         ("free_free_30GHz.fits", lognormal(32, 2), {"column_units": None}, "got no TUNIT1"),
@@ -208,17 +208,15 @@ def test_flat_map_gets_no_structure(rng, level):
 
 
 def test_components_of_templates_have_separate_streams(folder):
-    first = components(folder, 64)
+    """And none where they add no small scales."""
+    first, other = components(folder, 64), components(folder, 64, 1)
+    assert not np.array_equal(first[1].amplitude, other[1].amplitude)
+    one, two = (components(folder, 64, seed, small_scales=False)[1].amplitude for seed in (0, 1))
+    assert np.array_equal(one, two)
     write(folder, "synchrotron_408MHz.fits", 30 * lognormal(64, 7))  # needs no small scales, draws nothing
     second = components(folder, 64)
     assert not np.allclose(first[0].amplitude, second[0].amplitude)
     assert np.array_equal(first[1].amplitude, second[1].amplitude)
-
-
-def test_small_scales_switch(folder):
-    assert not np.array_equal(components(folder, 64, 0)[1].amplitude, components(folder, 64, 1)[1].amplitude)
-    one, two = (components(folder, 64, seed, small_scales=False)[1].amplitude for seed in (0, 1))
-    assert np.array_equal(one, two)
 
 
 def test_index_stays_within_its_limits(folder):
@@ -240,15 +238,6 @@ def test_real_templates(real_sky):
         assert component.amplitude == pytest.approx(1e3 * kelvin, rel=1e-7)
     assert sync.index == pytest.approx(hp.read_map(real_sky / "synchrotron_beta_nside64.fits"), rel=1e-7)
     assert np.median(bands(sync.amplitude)[5]) == pytest.approx(12e3, rel=0.05)
-
-
-def test_real_templates_at_other_resolutions(real_sky):
-    same, coarse, fine = (components(real_sky, nside) for nside in (64, 32, 128))
-    for at_64, at_32, at_128 in zip(same, coarse, fine, strict=True):
-        assert at_32.amplitude.mean() == pytest.approx(at_64.amplitude.mean(), rel=1e-12)
-        check_pixels(at_128.amplitude, at_64.amplitude, 64)
-        ratio = spectrum(at_128.amplitude)[2:20] / spectrum(at_64.amplitude)[2:20]
-        assert ratio == pytest.approx(1, abs=0.02)
 
 
 def test_small_scales_of_the_408_mhz_map_are_those_published(real_sky):

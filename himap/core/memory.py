@@ -21,7 +21,7 @@ PROCESS = 0.5e9
 
 _UNITS = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
 _LARGEST = 1e15  # bytes that somebody may mean
-_BOXES = 3  # of cells, at most, while HI is made
+_BOXES = 2  # of cells, while HI is made
 _COLUMNS = 7e9  # bytes of what is transformed at once, and of its transform
 _CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
 
@@ -81,9 +81,8 @@ def estimate(survey, *, jobs=1, in_files=False):
     The HI box is in memory, or `in_files`: then memory holds the columns that are transformed at once, and
     the modes of a smaller box.
     """
-    box = 4 * survey.box_cells**3
     cube = 4 * survey.n_channels * survey.n_pix
-    light_cone = max(_BOXES * box, (_BOXES - 1) * box + cube)
+    light_cone = _BOXES * 4 * survey.box_cells**3 + cube
     if in_files:
         light_cone = max(_COLUMNS + 4 * min(survey.box_cells, NESTED_CELLS) ** 3, cube)
     return {

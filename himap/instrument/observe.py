@@ -49,21 +49,16 @@ def observe(hi, foregrounds, noise, windows, survey):
         Something that is not of the survey's shape.
     """
     beams, resmoothing, n_channels = windows.total, windows.resmoothing, survey.n_channels
-    if beams.shape != (n_channels, survey.lmax + 1):
-        raise InputError(
-            f"the beam must be made for this survey: b_l of shape {(n_channels, survey.lmax + 1)}, got "
-            f"{beams.shape}."
-        )
     n_alm, n_modes = sphere.alm_size(survey.lmax), len(foregrounds.alms)
-    columns = ("n_pix", survey.n_pix) if resmoothing is None else ("n_alm", n_alm)
-    for label, values, names, shape in (
-        ("hi", hi, "n_channels, n_alm", (n_channels, n_alm)),
-        ("spectra of the foregrounds", foregrounds.spectra, "n_channels, n_modes", (n_channels, n_modes)),
-        ("maps of the foregrounds", foregrounds.alms, "n_modes, n_alm", (n_modes, n_alm)),
-        ("noise", noise, f"n_channels, {columns[0]}", (n_channels, columns[1])),
+    for label, values, shape in (
+        ("b_l of the beam", beams, (n_channels, survey.lmax + 1)),
+        ("coefficients of hi", hi, (n_channels, n_alm)),
+        ("spectra of the foregrounds", foregrounds.spectra, (n_channels, n_modes)),
+        ("coefficients of the foregrounds", foregrounds.alms, (n_modes, n_alm)),
+        ("the noise", noise, (n_channels, survey.n_pix if resmoothing is None else n_alm)),
     ):
         if np.shape(values) != shape:
-            raise InputError(f"{label} must have shape ({names}) = {shape}, got {np.shape(values)}.")
+            raise InputError(f"{label} must have the shape for this survey, {shape}, got {np.shape(values)}.")
     signal = map(sphere.multiply_beam, hi, beams)
     if resmoothing is not None:
         signal = map(np.add, signal, map(sphere.multiply_beam, noise, resmoothing))

@@ -4,6 +4,7 @@ Tables are read without healpy's reader, which takes the first table of several,
 markers of missing pixels, and counts negative pixel numbers from the end.
 """
 
+import math
 import re
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -89,7 +90,11 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
     with reading(path, "HEALPix maps in FITS"), quiet, fits.open(path, memmap=False) as file:
         table = _only_table(file, first=n_maps is not None)
         header = {**file[0].header, **table.header}
-        partial = _is_partial(header)
+        keys = "PIXTYPE", "INDXSCHM", "OBJECT"
+        pixels, scheme, sky = (str(card_text(header, key) or "").upper() for key in keys)
+        if pixels not in ("", "HEALPIX") or scheme not in ("", "IMPLICIT", "EXPLICIT"):
+            raise InputError(f"PIXTYPE = {pixels}, INDXSCHM = {scheme}: pixels must be those of HEALPix.")
+        partial = scheme == "EXPLICIT" or sky == "PARTIAL"
         columns = range(1 + partial, 1 + len(table.columns))[:n_maps]  # as FITS counts, from 1
         maps = _maps_of(table, header, columns, partial, held, _NUMBERS + "L" * logical)
     return HealpixFile(
@@ -108,28 +113,16 @@ def card_text(header, key):
     return None if header.get(key) is None else str(header[key]).strip() or None
 
 
-def _is_partial(header):
-    """Whether the first column of a table has the numbers of its pixels, by what its header says."""
-    keys = "PIXTYPE", "INDXSCHM", "OBJECT"
-    pixels, scheme, sky = (str(card_text(header, key) or "").upper() for key in keys)
-    if pixels not in ("", "HEALPIX") or scheme not in ("", "IMPLICIT", "EXPLICIT"):
-        raise InputError(f"PIXTYPE = {pixels}, INDXSCHM = {scheme}: pixels must be those of HEALPix.")
-    return scheme == "EXPLICIT" or sky == "PARTIAL"
-
-
 def _only_table(file, *, first):
     """The table of maps of an open FITS file; the `first` of several, where that is enough."""
     tables = [hdu for hdu in file if isinstance(hdu, fits.BinTableHDU)]
     if not tables:
         raise InputError("there is no table of maps; images in the plane are none.")
-    sizes = []  # of columns, how many numbers they hold
-    for hdu in tables:
-        repeats = {column.format[:-1] or "1" for column in hdu.columns if column.format[-1:] in _NUMBERS}
-        sizes.append({int(repeat) * hdu.header["NAXIS2"] for repeat in repeats if repeat.isdecimal()})
-    n_alike = sum(bool(size & sizes[0]) for size in sizes[1:])
-    if n_alike and not first:
+    lasts = [hdu.columns.dtype[-1].shape for hdu in tables]
+    sizes = [hdu.header["NAXIS2"] * math.prod(shape) for hdu, shape in zip(tables, lasts, strict=True)]
+    if sizes.count(sizes[0]) > 1 and not first:
         raise InputError(
-            f"there are maps in {1 + n_alike} tables; write them as columns of one, as "
+            f"there are maps in {sizes.count(sizes[0])} tables; write them as columns of one, as "
             "healpy.write_map(path, maps) does."
         )
     return tables[0]
@@ -150,22 +143,26 @@ def _maps_of(hdu, header, columns, partial, held, letters):
     n_pix = _n_pix(hdu, header.get("NSIDE"), columns, partial)
     check_room("it", hdu.size + 8 * held * len(columns) * n_pix)
     rows = hdu.data.view(np.ndarray)  # as they are stored: markers of missing pixels are not scaled
-    stored = [_numbers(hdu.columns[n - 1], rows[rows.dtype.names[n - 1]].ravel()) for n in columns]
+    stored = [rows[rows.dtype.names[n - 1]].ravel() for n in columns]
     floats = [np.result_type(values.dtype.newbyteorder("="), np.float32) for values in stored]
     if any(f"{key}{column}" in header for key in ("TSCAL", "TZERO") for column in columns):
         floats.append(np.float64)
-    pixels = _pixel_numbers(rows, header, n_pix) if partial else slice(None)
+    pixels = slice(None)
+    if partial:
+        pixels = rows[rows.dtype.names[0]].ravel()
+        if pixels.dtype.kind not in "iu":
+            raise InputError(f"its first column must be the pixel numbers, got {pixels.dtype}.")
+        pixels = pixels.astype(np.int64) + int(header.get("TZERO1", 0))
+        different = np.unique(pixels)
+        if pixels.size and (different[0] < 0 or different[-1] >= n_pix or len(different) < len(pixels)):
+            raise InputError(
+                f"pixel numbers must be from 0 to {n_pix - 1}, each of them once, got {len(pixels)}, of "
+                f"which {len(different)} differ, from {different[0]} to {different[-1]}."
+            )
     maps = np.full((len(columns), n_pix), np.nan, dtype=np.result_type(*floats))
     for out, column, values in zip(maps, columns, stored, strict=True):
         out[pixels] = _scaled(values, header, column, maps.dtype)
     return maps
-
-
-def _numbers(column, stored):
-    """The numbers of a column as it is stored: a logical one has the letters T and F, 0 where it is empty."""
-    if column.format[-1:] != "L":
-        return stored
-    return np.where(stored == 0, np.float32(np.nan), (stored == ord("T")).astype(np.float32))
 
 
 def _n_pix(hdu, nside, columns, partial):
@@ -174,44 +171,30 @@ def _n_pix(hdu, nside, columns, partial):
     lengths = {int(hdu.columns[n - 1].format[:-1] or 1) * n_rows for n in columns}
     if len(lengths) > 1:
         raise InputError(f"its columns must have one length, got {sorted(lengths)}.")
-    if partial and not isinstance(nside, int):
-        raise InputError(f"with the pixels of a part of the sky it must say NSIDE, got {nside!r}.")
-    n_pix = 12 * nside**2 if partial else lengths.pop()
-    in_rows = n_pix // n_rows if n_rows and not partial else 1  # HEALPix's own programs write 1024
-    rows_are_pixels = n_rows == 12 * nside**2 if isinstance(nside, int) else sphere.is_n_pix(n_rows)
-    if in_rows not in (1, 1024) and rows_are_pixels:
-        raise InputError(
-            f"it has {n_rows} rows of {in_rows} numbers, which may be the spectra of pixels; write a column "
-            "for each channel, as healpy.write_map(path, maps) does of (channels, pixels)."
-        )
+    (n_pix,) = lengths
+    may_be_spectra = n_pix not in (n_rows, 1024 * n_rows) and sphere.is_n_pix(n_rows)  # 1024 is usual
+    if not isinstance(nside, int) and (partial or may_be_spectra):
+        raise InputError(f"it must say NSIDE, a whole number, got {nside!r}.")
+    n_pix = 12 * nside**2 if partial else n_pix
     right = sphere.nside_of(np.broadcast_to(0, n_pix))
     if nside is not None and str(nside).strip() not in (f"{right}", f"{right}.0"):
-        raise InputError(f"it says NSIDE = {nside}, but its columns have {n_pix} pixels.")
+        raise InputError(
+            f"it says NSIDE = {nside}, but its columns have {n_pix} pixels; write a column for each channel, "
+            "as healpy.write_map(path, maps) does of (channels, pixels)."
+        )
     return n_pix
 
 
-def _pixel_numbers(rows, header, n_pix):
-    """The first column, checked: each pixel of the sphere once at most."""
-    pixels = rows[rows.dtype.names[0]].ravel()
-    if pixels.dtype.kind not in "iu":
-        raise InputError(f"its first column must be the pixel numbers, got {pixels.dtype}.")
-    pixels = pixels.astype(np.int64) + int(header.get("TZERO1", 0))
-    if pixels.size and not (pixels.min() >= 0 and pixels.max() < n_pix):
-        raise InputError(
-            f"pixel numbers go from {pixels.min()} to {pixels.max()}, those of the sphere to {n_pix - 1}."
-        )
-    if len(np.unique(pixels)) < len(pixels):
-        raise InputError("some pixel numbers stand there twice; each pixel has one value.")
-    return pixels
-
-
 def _scaled(stored, header, column, dtype):
-    """The values of a column as it was stored, scaled, NaN where they are missing."""
-    values = stored.astype(dtype)
+    """The values of a column as it was stored, scaled; of a logical one 1 or 0; NaN where missing."""
+    is_logical = card_text(header, f"TFORM{column}").endswith("L")  # of letters T and F
+    values = (stored == ord("T") if is_logical else stored).astype(dtype)
     values *= dtype.type(header.get(f"TSCAL{column}", 1))
     values += dtype.type(header.get(f"TZERO{column}", 0))
     null, bad = header.get(f"TNULL{column}"), header.get("BAD_DATA")
     missing = np.abs(values - hp.UNSEEN) <= _UNSEEN * abs(hp.UNSEEN)
+    if is_logical:
+        missing |= stored == 0
     if null is not None:
         missing |= stored == null
     if bad is not None:

@@ -39,8 +39,7 @@ def patch_pixels(nside, centre, side, n_cells):
 def patch_centres(mask, side, n_cells, *, least, most):
     """Centres of patches that do not overlap, (n, 3), and the share of each that is seen, (n,).
 
-    The one that is seen best comes first, and so on, as far as there are some of which `least` is seen; at
-    most `most`.
+    The best seen come first, as far as there are some of which `least` is seen; at most `most`.
     """
     nside = sphere.nside_of(mask)
     places = sphere.pixel_vectors(_CANDIDATES)

@@ -314,10 +314,9 @@ def coupling_matrix(mask_cl, lmax):
     for l1 in range(lmax + 1):
         for l2 in range(l1 + 1):
             first, symbol = ducc0.misc.wigner3j_int(l1, l2, 0, 0)
-            value = np.dot(symbol * symbol, weight[first : first + len(symbol)])
-            matrix[l1, l2] = (2 * l2 + 1) * value
-            matrix[l2, l1] = (2 * l1 + 1) * value
-    return matrix
+            matrix[l1, l2] = np.dot(symbol * symbol, weight[first : first + len(symbol)])
+            matrix[l2, l1] = matrix[l1, l2]
+    return (2 * np.arange(lmax + 1) + 1) * matrix
 
 
 def pixel_vectors(nside, *, nest=False):

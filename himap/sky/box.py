@@ -15,6 +15,7 @@ from scipy import fft
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.core.survey import NESTED_CELLS
+from himap.maps.low_rank import blocks
 
 STEP = 2.0**-9
 """Mpc/h: displacements in a box of more than `NESTED_CELLS` cells a side are whole numbers of it, up to 64
@@ -30,9 +31,9 @@ _BLOCK, _BLOCK_IN_FILES = 2**28, 2**31  # bytes of the columns that are transfor
 class GaussianBox:
     """A Gaussian field of a power spectrum, the observer at the centre, on the corner shared by eight cells.
 
-    White noise is drawn in real space, plane by plane from child streams of `rng`, so the result does not
-    depend on the number of threads. A box of more than `NESTED_CELLS` cells a side has the modes of the one
-    of `NESTED_CELLS` cells of the same `rng`; those beyond are drawn row by row, and again for each field.
+    White noise is drawn in real space, plane by plane from child streams of `rng`, and again for each field;
+    the result does not depend on the number of threads. A box of more than `NESTED_CELLS` cells a side has
+    the modes of the one of `NESTED_CELLS` cells of the same `rng`; those beyond are drawn row by row.
 
     Parameters
     ----------
@@ -43,40 +44,36 @@ class GaussianBox:
     rng
         numpy Generator.
     folder
-        A `Path` for files with what is large (`file_bytes`); default: memory, up to 12 bytes a cell. An array
+        A `Path` for files with what is large (`file_bytes`); default: memory, up to 8 bytes a cell. An array
         that is complete in such a folder, from a run with the same arguments, is not made again.
     """
 
     def __init__(self, power, n_cells, box_size, rng, *, folder=None):
         self.n_cells, self.box_size, self.folder = n_cells, box_size, folder
-        self._coarse, self._noise, self._variance = None, None, None
+        self._coarse, self._variance = None, None
         if n_cells > NESTED_CELLS:
             shape = NESTED_CELLS, NESTED_CELLS, NESTED_CELLS // 2 + 1
             self._coarse = _draw_planes(np.empty(shape, dtype=np.complex64), rng.spawn(NESTED_CELLS))
-            for rows in _blocks(self._coarse, _BLOCK):
+            for rows in blocks(NESTED_CELLS, _BLOCK // self._coarse[:, :1].nbytes):
                 self._coarse[:, rows] = fft.fft(self._coarse[:, rows], axis=0, workers=-1)
         self._rng, self._seeds = rng, rng.bit_generator.seed_seq.spawn(n_cells + 1)
         k_max = np.sqrt(3) * np.pi * n_cells / box_size
         table = np.sqrt(power(np.linspace(0, k_max, _TABLE_SIZE)) / (box_size / n_cells) ** 3)
         self._table, self._k_unit, self._k_max = table.astype(np.float32), 2 * np.pi / box_size, k_max
         self.x = cell_centres(n_cells, box_size).astype(np.float32)
-        self._field = self._array("density", np.complex64, n_cells // 2 + 1)
-        if self._coarse is None and folder is None:
-            self._noise = _draw_planes(np.empty_like(self._field), self._streams())
+        self._field, self._is_complete = self._array("density", np.complex64, n_cells // 2 + 1)
 
     def _array(self, name, dtype, length):
+        """An array (n, n, length), in a file if there is a folder, and whether it is complete there."""
         shape = (self.n_cells, self.n_cells, length)
         if self.folder is None:
-            return np.empty(shape, dtype=dtype)
-        file = self.folder / name
-        if not self._is_complete(name):
+            return np.empty(shape, dtype=dtype), False
+        file, is_complete = self.folder / name, (self.folder / f"{name}.complete").exists()
+        if not is_complete:
             with open(file, "wb") as content:
                 if hasattr(os, "posix_fallocate"):  # so that the file is in one piece of the disk
                     os.posix_fallocate(content.fileno(), 0, math.prod(shape) * np.dtype(dtype).itemsize)
-        return np.asarray(np.memmap(file, dtype=dtype, mode="r+", shape=shape))
-
-    def _is_complete(self, name):
-        return self.folder is not None and (self.folder / f"{name}.complete").exists()
+        return np.asarray(np.memmap(file, dtype=dtype, mode="r+", shape=shape)), is_complete
 
     def _complete(self, name):
         """Mark an array in a file as complete, once the disk has it."""
@@ -84,9 +81,6 @@ class GaussianBox:
             with open(self.folder / name, "rb+") as content:
                 os.fsync(content.fileno())
             (self.folder / f"{name}.complete").touch()
-
-    def _streams(self):
-        return [np.random.Generator(type(self._rng.bit_generator)(seed)) for seed in self._seeds]
 
     def density(self, change=lambda i, plane, variance: plane):
         """The field, (n, n, n) float32; nothing else can be asked of the box after it.
@@ -97,7 +91,7 @@ class GaussianBox:
             Function of the number of a plane, its field (n, n) and the variance of the box (mean 0);
             gives what is kept of the plane.
         """
-        n, planes = self.n_cells, () if self._is_complete("density") else self._planes(_DENSITY, last=True)
+        n, planes = self.n_cells, () if self._is_complete else self._planes(_DENSITY)
         flat = self._field.reshape(-1).view(np.float32)[: n**3].reshape(n, n, n)
         for i, modes in planes:  # a plane is written where it, or one before, was
             flat[i] = change(i, fft.irfft2(modes, s=(n, n), workers=-1), self._variance)
@@ -125,63 +119,53 @@ class GaussianBox:
             One too large for int16.
         """
         n, x = self.n_cells, self.x
-        out = self._array("displacement", np.float32 if self._coarse is None else np.int16, n)
-        if self._is_complete("displacement"):
+        out, is_complete = self._array("displacement", np.float32 if self._coarse is None else np.int16, n)
+        if is_complete:
             return out
         unit = np.float32(unit_of(out))
         k = fft.fftfreq(n, 1 / n).astype(np.float32)
         k[n // 2] = 0  # a derivative has no Nyquist frequency
         gradients = np.complex64(1j) * k[:, None], np.complex64(1j) * k[: n // 2 + 1]
-        for i, modes in self._planes(_POTENTIAL):
-            y, z = (fft.irfft2(modes * gradient, s=(n, n), workers=-1) for gradient in gradients)
-            out[i] = self._stored((y * x[:, None] + z * x) / self._distances(i), unit)
-        for i, modes in self._planes(_ALONG_X):
-            distances = self._distances(i)
-            along = out[i] * unit + fft.irfft2(modes, s=(n, n), workers=-1) * x[i] / distances
-            out[i] = self._stored(along * factor(i), unit)
+        for part in (_POTENTIAL, _ALONG_X):
+            for i, modes in self._planes(part):
+                distances = np.sqrt(x[i] ** 2 + x[:, None] ** 2 + x**2)
+                if part == _POTENTIAL:
+                    y, z = (fft.irfft2(modes * gradient, s=(n, n), workers=-1) for gradient in gradients)
+                    along = (y * x[:, None] + z * x) / distances
+                else:
+                    along = out[i] * unit + fft.irfft2(modes, s=(n, n), workers=-1) * x[i] / distances
+                    along = along * factor(i)
+                if out.dtype == np.int16:
+                    along = np.rint(along / unit)
+                    if np.abs(along).max() > np.iinfo(np.int16).max:
+                        raise InputError(
+                            f"matter is displaced by {np.abs(along).max() * unit:.0f} Mpc/h, and so large a "
+                            "box keeps up to 64: take fewer cells, or a larger r_smooth."
+                        )
+                out[i] = along
         self._complete("displacement")
         return out
 
-    def _distances(self, i):
-        return np.sqrt(self.x[i] ** 2 + self.x[:, None] ** 2 + self.x**2)
-
-    def _stored(self, values, unit):
-        """Displacements in Mpc/h as they are kept."""
-        if self._coarse is None:
-            return values
-        values = np.rint(values / unit)
-        largest = np.abs(values).max()
-        if largest > np.iinfo(np.int16).max:
-            raise InputError(
-                f"matter is displaced by {largest * unit:.0f} Mpc/h, and so large a box keeps up to 64: take "
-                "fewer cells, or a larger r_smooth."
-            )
-        return values
-
-    def _planes(self, part, *, last=False):
+    def _planes(self, part):
         """Pairs of the number of a plane, x fixed, and its modes of a part of the field, (n, n // 2 + 1)."""
         n, in_files = self.n_cells, self.folder is not None
         if in_files:  # a file anew, of which nothing is read before it is written
-            self._field = self._array("density", np.complex64, n // 2 + 1)
-        elif last and self._noise is not None:
-            self._field, self._noise = self._noise, None
-        field, streams, powers = self._field, self._streams(), []
-        if self._coarse is not None:  # where k_z is 0 or Nyquist, the modes are those of a real plane
+            self._field, _ = self._array("density", np.complex64, n // 2 + 1)
+        field, powers = self._field, []
+        streams = [np.random.Generator(type(self._rng.bit_generator)(seed)) for seed in self._seeds]
+        if self._coarse is None:
+            _draw_planes(field, streams)
+        else:  # where k_z is 0 or Nyquist, the modes are those of a real plane
             planes = streams[n].standard_normal((2, n, n), dtype=np.float32)
             planes = fft.fft2(planes, workers=-1) * np.float32(np.sqrt(n))
-        elif in_files:
-            _draw_planes(field, streams)
-        elif self._noise is not None:
-            np.copyto(field, self._noise)
-        for rows in _blocks(field, _BLOCK_IN_FILES if in_files else _BLOCK):
+        n_rows = (_BLOCK_IN_FILES if in_files else _BLOCK) // field[:, :1].nbytes
+        for rows in blocks(n, max(n_rows, 1)):
             if self._coarse is None:
                 modes = fft.fft(field[:, rows], axis=0, workers=-1)
             else:
                 modes = _draw_rows(streams[:n][rows], planes[:, :, rows])
                 _insert(modes, self._coarse, rows.start)
-            _shape(modes, rows.start, self._table, self._k_unit, self._k_max, part)
-            if part == _DENSITY:
-                powers.append(_power(modes))
+            powers.append(_shape(modes, rows.start, self._table, self._k_unit, self._k_max, part))
             field[:, rows] = fft.ifft(modes, axis=0, overwrite_x=True, workers=-1)
         self._variance = math.fsum(powers) / float(n) ** 6
         return progress(enumerate(field), f"{_LABELS[part]}{' (box in files)' * in_files}", total=n)
@@ -229,20 +213,15 @@ def _draw_rows(streams, planes):
     return out
 
 
-def _blocks(field, n_bytes):
-    """Slices of rows, whose columns are transformed at once."""
-    n_rows = max(1, n_bytes // field[:, :1].nbytes)
-    return [slice(first, first + n_rows) for first in range(0, field.shape[1], n_rows)]
-
-
 @njit(parallel=True, cache=True)
 def _shape(modes, first, table, k_unit, k_max, part):
     """Multiply white noise in place by the amplitude at |k|, interpolated in `table`; rows begin at `first`.
 
     The potential is divided by k^2 and `k_unit`, so that its gradient is along integers; its part along x has
-    that gradient.
+    that gradient. Returns the sum of |modes|^2, with those that a real field has twice.
     """
-    n = modes.shape[0]
+    n, last = modes.shape[0], modes.shape[2] - 1
+    powers = np.zeros(n)
     step = k_max / k_unit / (len(table) - 1)
     for i in prange(n):
         ki = i if i < n / 2 else i - n
@@ -260,6 +239,9 @@ def _shape(modes, first, table, k_unit, k_max, part):
                     is_kept = square > 0 and 2 * abs(ki) != n
                     value = value * np.complex64(1j) * ki / (square * k_unit) if is_kept else 0 * value
                 modes[i, row, k] = value
+                stored, twice = modes[i, row, k], 1 if k in (0, last) else 2
+                powers[i] += twice * (np.float64(stored.real) ** 2 + np.float64(stored.imag) ** 2)
+    return powers.sum()
 
 
 @njit(parallel=True, cache=True)
@@ -281,17 +263,3 @@ def _insert(modes, coarse, first):
                     phase = turn * (ki + kj + k)
                     value = coarse[np.int64(ki) % n_coarse, np.int64(kj) % n_coarse, k]
                     modes[i, row, k] = value * scale * complex(np.cos(phase), np.sin(phase))
-
-
-@njit(parallel=True, cache=True)
-def _power(modes):
-    """Sum of |modes|^2 with those that a real field has twice."""
-    sums = np.zeros(modes.shape[0])
-    last = modes.shape[2] - 1
-    for i in prange(modes.shape[0]):
-        for row in range(modes.shape[1]):
-            for k in range(last + 1):
-                value = modes[i, row, k]
-                twice = 1 if k in (0, last) else 2
-                sums[i] += twice * (np.float64(value.real) ** 2 + np.float64(value.imag) ** 2)
-    return sums.sum()

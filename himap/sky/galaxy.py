@@ -9,7 +9,6 @@ from himap.core.checks import checked_fields, parameter, power_of_two
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.healpix_io import read_maps
-from himap.sky.emission import emission_maps
 from himap.sky.point_sources import point_sources
 from himap.sky.small_scales import refine_template
 from himap.sky.synthetic import synthetic_galaxy
@@ -57,12 +56,11 @@ class Galaxy:
         if not isinstance(self.small_scales, (bool, np.bool_)):
             raise InputError(f"small_scales must be True or False, got {self.small_scales!r}.")
         if self.source == "templates":
-            if self.template_dir is None:
-                raise InputError(
-                    f"the Galaxy 'templates' needs template_dir, a folder with {EXPECTED_FILES}."
-                )
             if not isinstance(self.template_dir, (str, os.PathLike)):
-                raise InputError(f"template_dir must be the path of a folder, got {self.template_dir!r}.")
+                raise InputError(
+                    f"the Galaxy 'templates' needs template_dir, a folder with {EXPECTED_FILES}; got "
+                    f"{self.template_dir!r}."
+                )
             object.__setattr__(self, "template_dir", os.path.expanduser(self.template_dir))
             find_templates(self.template_dir)
         elif self.template_dir is not None:
@@ -160,8 +158,3 @@ def foreground_components(survey, galaxy):
         *galaxy.components(survey.nside, survey.rng("galaxy")),
         point_sources(survey.nside, survey.rng("point sources")),
     ]
-
-
-def foreground_maps(survey, galaxy):
-    """All foregrounds of every channel, mK, (n_channels, n_pix) float32."""
-    return emission_maps(foreground_components(survey, galaxy), survey.freqs)

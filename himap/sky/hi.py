@@ -11,7 +11,7 @@ from numba import njit, prange
 from himap.core.errors import InputError
 from himap.sky.box import GaussianBox
 from himap.sky.cosmology import Z_MAX, HIModel, redshift
-from himap.sky.light_cone import plan_rays, trace
+from himap.sky.light_cone import trace
 
 _MODEL = HIModel()
 
@@ -56,9 +56,7 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8, folder=None)
         )
     options = {"model": model, "rsd": rsd, "r_smooth": survey.r_smooth, "folder": folder}
     density, displacement = lognormal_box(survey.box_cells, survey.box_size, rng, **options)
-    cell = survey.box_size / survey.box_cells
-    rays = plan_rays(survey.nside, cell, edges[0], edges[-1], oversample=oversample)
-    maps = trace(density, displacement, edges, survey.nside, survey.box_size, rays)[::-1]
+    maps = trace(density, displacement, edges, survey.nside, survey.box_size, oversample=oversample)[::-1]
     nodes, weights = np.polynomial.legendre.leggauss(4)  # over the width of a channel
     freqs = survey.freqs[:, None] + 0.5 * np.diff(survey.freq_edges)[:, None] * nodes
     maps *= (0.5 * model.mean_temperature(redshift(freqs)) @ weights)[:, None]

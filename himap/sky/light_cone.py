@@ -39,7 +39,7 @@ def plan_rays(nside, cell, distance_min, distance_max, *, oversample=1.8):
     return bounds, cell / oversample / _STEPS_PER_GAP
 
 
-def trace(density, displacement, distance_edges, nside, box_size, rays):
+def trace(density, displacement, distance_edges, nside, box_size, *, oversample=1.8):
     """Mean density per channel and pixel, in redshift space.
 
     Parameters
@@ -51,8 +51,8 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
         `GaussianBox.radial_displacement`; None for none.
     distance_edges
         Channel edges as comoving distances, ascending, (n_channels + 1,), Mpc/h.
-    nside, box_size, rays
-        Resolution of the maps, side of the box in Mpc/h, and what `plan_rays` returns.
+    nside, box_size, oversample
+        Resolution of the maps, side of the box in Mpc/h, and as of `plan_rays`.
 
     Returns
     -------
@@ -66,27 +66,18 @@ def trace(density, displacement, distance_edges, nside, box_size, rays):
     else:
         unit = unit_of(displacement)
     ring = sphere.nest_to_ring(nside)
-    bounds, step = rays
+    blocks = np.array_split(np.arange(len(ring)), _BLOCKS)
+    bounds, step = plan_rays(nside, box_size / len(density), edges[0], edges[-1], oversample=oversample)
+    per_cell = len(density) / box_size
     for level, (start, stop) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
         n_steps = int(np.ceil((stop - start) / step))
         if n_steps == 0:
             continue
-        vectors = (
-            sphere.pixel_vectors(nside * 2**level, nest=True).astype(np.float32).reshape(len(ring), -1, 3)
-        )
-        blocks = np.array_split(np.arange(len(ring)), _BLOCKS)
-        for pixels in progress(blocks, f"HI light cone, {start:.0f} to {stop:.0f} Mpc/h"):
-            _trace_shell(
-                density,
-                displacement,
-                unit,
-                vectors[pixels],
-                ring[pixels],
-                np.linspace(start, stop, n_steps + 1),
-                edges,
-                density.shape[0] / box_size,
-                maps,
-            )
+        radii = np.linspace(start, stop, n_steps + 1)
+        vectors = sphere.pixel_vectors(nside * 2**level, nest=True).astype(np.float32)
+        vectors = vectors.reshape(len(ring), -1, 3)
+        for part in progress(blocks, f"HI light cone, {start:.0f} to {stop:.0f} Mpc/h"):
+            _trace_shell(density, displacement, unit, vectors[part], ring[part], radii, edges, per_cell, maps)
     maps /= np.diff(edges)[:, None]
     return maps
 

@@ -59,9 +59,15 @@ def synthetic_galaxy(nside, rng):
     plane = _Field.draw(_free_free_spectrum, fine, shared)
     vectors = sphere.pixel_vectors(fine)
     amplitude, index = _synchrotron(vectors, plane, fine, synchrotron)
+    gas, sine = _Field.draw(_free_free_spectrum, fine, free_free), np.abs(vectors[:, 2])
+    share = np.exp(-sine / 0.1)
+    mix = _Field(share * plane.values + np.sqrt(1 - share**2) * gas.values, gas.variance_added)
+    cavity = np.exp(-2.9 * sine**1.23)  # the Sun sits in a bubble of little gas
+    ionised = mix.lognormal(1.41 - 0.48 * np.exp(-((sine / 0.25) ** 2)))
+    ionised *= _disc_brightness(vectors, *_IONISED_DISC) * cavity
     components = (
         ("synchrotron", amplitude, _FREQ_SYNCHROTRON, sphere.change_resolution(index, nside)),
-        ("free-free", _free_free(vectors, plane, fine, free_free), _FREQ_FREE_FREE, FREE_FREE_INDEX),
+        ("free-free", ionised, _FREQ_FREE_FREE, FREE_FREE_INDEX),
     )
     return [
         PowerLaw(name=name, amplitude=sphere.change_resolution(pixels, nside), freq_ref=freq, index=index)
@@ -82,17 +88,6 @@ def _synchrotron(vectors, plane, nside, rng):
     steepness = _Field.draw(lambda degree: degree**-2.0 * np.exp(-((degree / 27) ** 2)), nside, index_rng)
     latitude = np.degrees(np.arcsin(np.abs(vectors[:, 2])))
     return amplitude, -3.0 + (0.05 + 0.04 * np.exp(-latitude / 12)) * steepness.values
-
-
-def _free_free(vectors, plane, nside, rng):
-    """Amplitude of the free-free emission, mK."""
-    structure = _Field.draw(_free_free_spectrum, nside, rng)
-    sine = np.abs(vectors[:, 2])
-    share = np.exp(-sine / 0.1)
-    mix = _Field(share * plane.values + np.sqrt(1 - share**2) * structure.values, structure.variance_added)
-    cavity = np.exp(-2.9 * sine**1.23)  # the Sun sits in a bubble of little gas
-    width = 1.41 - 0.48 * np.exp(-((sine / 0.25) ** 2))
-    return _disc_brightness(vectors, *_IONISED_DISC) * cavity * mix.lognormal(width)
 
 
 def _disc_brightness(vectors, amplitude, length, height):

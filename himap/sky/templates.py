@@ -28,10 +28,10 @@ from himap.sky.emission import PowerLaw
 from himap.sky.synthetic import FREE_FREE_INDEX
 
 _FITS = re.compile(r"\.fits(\.gz)?$", re.IGNORECASE)
-_INDEX = re.compile("synchrotron.*(beta|index)", re.IGNORECASE)
-_KINDS = {
-    "synchrotron": re.compile("synchrotron", re.IGNORECASE),
-    "free-free": re.compile("free[ _-]?free", re.IGNORECASE),
+_KINDS = {  # {kind: (label, pattern of names)}; what fits the first is no other
+    "index": ("synchrotron index", "synchrotron.*(beta|index)"),
+    "synchrotron": ("synchrotron intensity", "synchrotron"),
+    "free-free": ("free-free intensity", "free[ _-]?free"),
 }
 _INDEX_LIMITS = (-5.0, 0.0)
 _NOT_POSITIVE = 0.01  # share of the pixels that may be zero or negative
@@ -63,12 +63,10 @@ def read_templates(folder):
     files = find_templates(folder)
     index, _ = _read_map(files["index"])
     low, high = _INDEX_LIMITS
-    n_bad = np.count_nonzero((index < low) | (index > high))
-    if n_bad:
+    if index.min() < low or index.max() > high:
         raise InputError(
             f"{files['index'].name} must hold a spectral index between {low:g} and {high:g} (T ~ nu^index), "
-            f"but {n_bad} of {len(index)} pixels are outside; they range from {index.min():.3g} to "
-            f"{index.max():.3g}. Is it another map?"
+            f"got {index.min():.3g} to {index.max():.3g}. Is it another map?"
         )
     templates = []
     for name, beta in (("synchrotron", index), ("free-free", FREE_FREE_INDEX)):
@@ -106,28 +104,24 @@ def find_templates(folder):
             f"template_dir must be a folder with {EXPECTED_FILES}; {folder} cannot be read "
             f"({getattr(error, 'strerror', None) or error})."
         ) from None
-    candidates = {"index": [path for path in paths if _INDEX.search(path.name)]}
-    others = [path for path in paths if freqs_in(path.name) and path not in candidates["index"]]
-    for kind, pattern in _KINDS.items():
-        candidates[kind] = [path for path in others if pattern.search(path.name)]
-    for kind, matches in candidates.items():
+    templates = {}
+    for kind, (label, pattern) in _KINDS.items():
+        matches = [path for path in paths if re.search(pattern, path.name, re.IGNORECASE)]
+        if kind == "index":
+            paths = [path for path in paths if freqs_in(path.name) and path not in matches]
         if len(matches) != 1:
-            label = {"index": "synchrotron index"}.get(kind, f"{kind} intensity")
             names = ", ".join(path.name for path in matches) or "none"
             raise InputError(
                 f"template_dir must hold {EXPECTED_FILES}. {folder} has {len(matches)} files for the "
                 f"{label}: {names}. Leave exactly one of each there."
             )
-    return {kind: matches[0] for kind, matches in candidates.items()}
+        (templates[kind],) = matches
+    return templates
 
 
 def _read_map(path):
     """First map of a file, RING, Galactic, float64, without holes, and the `HealpixFile`."""
     file = read_maps(path, n_maps=1)
-    if file.partial:
-        raise InputError(
-            f"{path.name} covers a part of the sky; templates cover all of it. Fill the rest first."
-        )
     if file.nested is None:
         raise InputError(
             f"{path.name} must say ORDERING = RING or NESTED in its header. Write it again with "
@@ -144,7 +138,7 @@ def _read_map(path):
     n_bad = np.count_nonzero(~np.isfinite(pixels))
     if n_bad:
         raise InputError(
-            f"{path.name} has {n_bad} of {len(pixels)} pixels that are NaN, infinite or UNSEEN; "
+            f"{path.name} has {n_bad} of {len(pixels)} pixels that are NaN, infinite, UNSEEN or not there; "
             "templates need a value in every pixel. Fill the holes first."
         )
     return to_ring(pixels) if file.nested else pixels, file
@@ -260,16 +254,14 @@ def write_templates(folder, nside):
     folder = Path(os.path.expanduser(folder))
     completed = complete_abandoned(folder)
     try:
-        held = sorted(path.name for path in folder.iterdir() if path not in completed)
-    except FileNotFoundError:
-        held = []
+        paths = folder.iterdir() if folder.exists() else ()
+        held = sorted(path.name for path in paths if path not in completed)
     except OSError as error:
         raise InputError(f"{folder} cannot be a folder of templates ({error.strerror}).") from None
     if held:
-        more = f" and {len(held) - 3} more" if len(held) > 3 else ""
         raise InputError(
             f"templates are written to a new or an empty folder, but {folder} holds "
-            f"{', '.join(held[:3])}{more}; give another one, or empty it."
+            f"{', '.join(held[:3])}; give another one, or empty it."
         )
     synchrotron, free_free = pysm_templates(nside)
     if np.any(np.not_equal(free_free.index, FREE_FREE_INDEX)):

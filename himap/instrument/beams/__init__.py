@@ -4,6 +4,7 @@ Every file of this package is found by itself, so a new beam is one new file.
 """
 
 import json
+from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
 
@@ -47,24 +48,18 @@ def named(text):
     name, _, parameters = str(text).partition(":")
     if not is_file(text):
         name = _BEAMS.find(name)
-    if _BEAMS.holds(name):
-        pairs = [pair.partition("=") for pair in parameters.split(",") if pair]
-        values = {key.lower(): _value(name, key.lower(), value) for key, _, value in pairs}
-        if len(values) < len(pairs):
+    if not _BEAMS.holds(name):
+        return create("file", path=str(text))
+    values, kinds = {}, {item.name: item.type for item in fields(REGISTRY[name])}
+    for pair in filter(None, parameters.split(",")):
+        key, _, value = pair.partition("=")
+        if key.lower() in values:
             raise InputError(f"a parameter of the beam {text} is given twice; give it once.")
-        return create(name, **values)
-    return create("file", path=str(text))
-
-
-def _value(name, key, text):
-    """The value that a text means: as it is for parameters that are texts, else a number."""
-    kinds = {item.name: item.type for item in fields(REGISTRY[name])}
-    if kinds.get(key) is str:
-        return text
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
+        values[key.lower()] = value
+        if kinds.get(key.lower()) is not str:
+            with suppress(ValueError):  # of what is no number the beam says what it must be
+                values[key.lower()] = json.loads(value)
+    return create(name, **values)
 
 
 def __getattr__(name):

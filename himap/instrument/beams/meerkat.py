@@ -29,15 +29,14 @@ class _OfBand(Beam):
         limits = {band: _model(band).freqMHzlist[[0, -1]] for band in _BANDS}
         wanted = _BANDS if self.band == _ANY else [self.band]
         fit = [band for band in wanted if limits[band][0] <= min(freqs) and max(freqs) <= limits[band][1]]
-        if len(fit) == 1:
-            return replace(self, band=fit[0])
-        known = " and ".join(f"{band} from {low:g} to {high:g} MHz" for band, (low, high) in limits.items())
-        came = f"katbeam has nodes for {known}, and the channels go from {min(freqs):g} to {max(freqs):g} MHz"
-        if fit:
-            names = " or ".join(f"{self.name}:band={band}" for band in fit)
-            raise InputError(f"{came}, which both bands hold, with different widths: give {names}.")
-        way_out = "leave out the channels beyond, or give a file of widths"
-        raise InputError(f"{came}: beyond the nodes of {' or '.join(wanted)} nothing is known; {way_out}.")
+        if len(fit) != 1:
+            known = ", ".join(f"{name} from {low:g} to {high:g} MHz" for name, (low, high) in limits.items())
+            raise InputError(
+                f"the channels must lie in one band alone, of {' and '.join(wanted)}, got {min(freqs):g} to "
+                f"{max(freqs):g} MHz, and katbeam has nodes for {known}. Where both hold them, name one: "
+                f"{self.name}:band=UHF. Else leave out the channels beyond, or give a file of widths."
+            )
+        return replace(self, band=fit[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +77,8 @@ class MeerKATLobes(_OfBand):
     name: ClassVar[str] = "meerkat_lobes"
 
     def _windows(self, freqs, lmax, dish_diameter):
-        model = _model(self.chosen_for(freqs).band)
-        return Windows(telescope=np.array([_window(model, float(freq), lmax) for freq in freqs]))
+        band = self.chosen_for(freqs).band
+        return Windows(telescope=_lobes(band, tuple(freqs.tolist()), lmax).copy())
 
 
 @cache
@@ -97,15 +96,10 @@ def _stokes_i(model, freq, radius, n_angles):
     return model.I(radius * np.cos(angle), radius * np.sin(angle), freq).mean(axis=0)
 
 
-@lru_cache(maxsize=4096)  # a survey asks again and again
-def _window(model, freq, lmax):
-    """b_l = int P(r) P_l(cos r) sin r dr over that of l = 0."""
-    profile = _stokes_i(model, freq, _RADIUS, 12)
-    window = _legendre(lmax) @ (profile * np.sin(np.deg2rad(_RADIUS)))
-    return np.maximum(window / window[0], _LEAST)
-
-
-@lru_cache(maxsize=2)
-def _legendre(lmax):
-    """P_l(cos r) at all radii, (lmax + 1, n_radii)."""
-    return special.eval_legendre(np.arange(lmax + 1)[:, None], np.cos(np.deg2rad(_RADIUS)))
+@lru_cache(maxsize=16)  # a survey asks again and again
+def _lobes(band, freqs, lmax):
+    """b_l = int P(r) P_l(cos r) sin r dr over that of l = 0, (n_channels, lmax + 1)."""
+    profiles = np.array([_stokes_i(_model(band), freq, _RADIUS, 12) for freq in freqs])
+    legendre = special.eval_legendre(np.arange(lmax + 1)[:, None], np.cos(np.deg2rad(_RADIUS)))
+    windows = profiles * np.sin(np.deg2rad(_RADIUS)) @ legendre.T
+    return np.maximum(windows / windows[:, :1], _LEAST)

@@ -56,25 +56,20 @@ class FromFile(Beam):
                 f"{self.path} must hold one FWHM (deg) or one line of b_l for each of the {len(freqs)} "
                 f"channels, got {numbers.shape}."
             )
-        is_width = numbers.ndim == 1
-        if is_width and not ((numbers >= _NARROWEST) & (numbers <= _WIDEST)).all():
+        if numbers.ndim == 1:
+            if not ((numbers >= _NARROWEST) & (numbers <= _WIDEST)).all():
+                raise InputError(
+                    f"{self.path} must hold FWHM in degrees, between {_NARROWEST:g} and {_WIDEST:g}, got "
+                    f"{numbers.min():g} to {numbers.max():g}."
+                )
+            return Windows(telescope=sphere.gaussian_beam(np.deg2rad(numbers), lmax))
+        beams = numbers[:, : lmax + 1]
+        at_zero, largest = beams[:, 0], np.abs(beams).max()
+        if not (np.abs(at_zero - 1).max() <= _TOLERANCE and largest <= 1 + _TOLERANCE):
             raise InputError(
-                f"{self.path} must hold FWHM in degrees, between {_NARROWEST:g} and {_WIDEST:g}, got "
-                f"{numbers.min():g} to {numbers.max():g}."
-            )
-        beams = sphere.gaussian_beam(np.deg2rad(numbers), lmax) if is_width else numbers[:, : lmax + 1]
-        bad = np.argwhere(~np.isfinite(beams))
-        if len(bad):
-            channel, degree = bad[0]
-            raise InputError(
-                f"{self.path} must hold finite numbers, got {beams[channel, degree]} in line {channel + 1} "
-                f"at l = {degree}."
-            )
-        if np.abs(beams[:, 0] - 1).max() > _TOLERANCE or np.abs(beams).max() > 1 + _TOLERANCE:
-            raise InputError(
-                f"{self.path} must hold b_l that are 1 at l = 0 and nowhere more, got "
-                f"{beams[:, 0].min():g} to {beams[:, 0].max():g} at l = 0 and {np.abs(beams).max():g} at "
-                "most; for widths give one FWHM (deg) a line."
+                f"{self.path} must hold finite b_l that are 1 at l = 0 and nowhere more, got "
+                f"{at_zero.min():g} to {at_zero.max():g} at l = 0 and {largest:g} at most; for widths give "
+                "one FWHM (deg) a line."
             )
         return Windows(telescope=beams)
 
