@@ -17,13 +17,12 @@ NSIDE = 16
 IN_PLANE = np.abs(sphere.pixel_latitude(NSIDE)) < 5
 BSS = ("pca", "fastica", "gmca", "sdecgmca")
 FITS = ("polynomial", "parametric")
-N_L = 321  # multipoles of the beams
 
 
-def comparison(angular, frequency):
-    """Spectra with these ratios to the truth."""
+def comparison(angular, frequency, shrink=1):
+    """Spectra with these ratios to the truth, on maps whose multipoles are `shrink` times smaller."""
     return Comparison(
-        degrees=DEGREES,
+        degrees=DEGREES / shrink,
         angular=angular * DEGREES**-1.5,
         true_angular=DEGREES**-1.5,
         k=K,
@@ -83,6 +82,7 @@ class World:
         self.bright = {"all sky": (5000.0, 0.1), "|b| > 30": (2000.0, 0.1)}
         self.voxels = {beam: {"HI": 60, "noise": 5, "foreground": 35} for beam in BEAMS}
         self.clipped = {}
+        self.n_degrees, self.shrink = 321, 1
         self.limits = dict.fromkeys(BEAMS, 240)
         self.difference = 1e-3
         self._further()
@@ -129,10 +129,10 @@ class World:
 
     @property
     def scan(self):
-        return {n: comparison(**one) for n, one in self.scanned.items()}
+        return {n: comparison(**one, shrink=self.shrink) for n, one in self.scanned.items()}
 
     def beyond(self, beam):
-        return comparison(self.going_on[beam], np.ones(len(K)))
+        return comparison(self.going_on[beam], np.ones(len(K)), self.shrink)
 
     def masked(self, method):
         return comparison(**self.without[method])
@@ -182,7 +182,7 @@ class World:
 
     def windows(self, beam):
         """The second channel falls to a twentieth at the limit of the beam, and stays."""
-        windows = np.ones((2, N_L))
+        windows = np.ones((2, self.n_degrees))
         windows[1, self.limits[beam] :] = 0.05
         return windows
 
@@ -239,13 +239,17 @@ def scan_best(low=5, bump=6, middle=7):
     return change
 
 
-def attribute(name, value):
-    return lambda world: setattr(world, name, value)
+def put(*path):
+    """A change of the world: the last of `path` is the new value of what the others lead to."""
+    *way, last, value = path
 
+    def change(world):
+        place = vars(world)
+        for name in way:
+            place = place[name]
+        place[last] = value
 
-def item(name, key, value):
-    """A change of the world: one item of a dict."""
-    return lambda world: getattr(world, name).update({key: value})
+    return change
 
 
 def first_share(name, method, value, share):

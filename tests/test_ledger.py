@@ -16,9 +16,8 @@ from himap.core.errors import InputError
 from himap.figures.numbers import QUOTED
 from himap.paper import evidence, pipeline
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
-from himap.paper.claims.base import BEAMS
+from himap.paper.claims.base import BEAMS, places_of
 from himap.paper.claims.entries import entries, finding_rows
-from himap.paper.claims.verdicts import places_of
 from himap.paper.experiments.claims import EXPERIMENT, JudgedSky, realisations, skies
 from himap.paper.ledger_table import BADGES, LedgerTable, cause, plain_table, summary
 
@@ -54,22 +53,12 @@ def test_table_says_what_the_entries_say():
     ]
     assert summary(several) == {REPRODUCED: 1, IN_PART: 1, UNDECIDED: 0, FAILED: 1, INAPPLICABLE: 1}
     table = plain_table(several)
-    assert table.iloc[0].tolist() == [
-        "D1",
-        "degraded",
-        REPRODUCED,
-        "PCA/ICA a 100%; SD a 100%",
-        "0.15 (0.116 to 0.184)",
-        "< 0.1",
-        CLAIMS["D1"].number,
-    ]
+    shown = "D1", "degraded", REPRODUCED, "PCA/ICA a 100%; SD a 100%", "0.15 (0.116 to 0.184)", "< 0.1"
+    assert table.iloc[0].tolist() == [*shown, CLAIMS["D1"].number]
     assert table["verdict"][3] == "in part (for 1 of 2 parts; not for SD)"
     page = LedgerTable(several, {"10_results": {"1": "fig-a"}})._repr_html_()
     assert '<a href="10_results.html#fig-a">Fig. 1</a>' in page
     assert '<a href="11_ns_scan.html">Fig. 3</a>' in page
-    assert "&lt; 0.1" in page
-    assert page.index("Sect. 4.2") < page.index("claim-D1") < page.index("Sect. 4.3") < page.index("claim-N1")
-    assert "claim-D2" not in page
     rows = cells(page)
     assert [re.sub("<.*?>", "", row[0]) for row in rows] == ["", "", "F1", "", "D1", "O6", "", "N1"]
     assert rows[3][1].startswith("<strong>Sect. 4.2") and "✓ reproduced</span><br>2 skies" in rows[4][2]
@@ -112,17 +101,13 @@ def test_badges_can_be_read():
     assert len({sign for sign, _ in BADGES.values()}) == len({*BADGES.values()}) == 5
 
 
-def test_seeds_follow_that_of_the_survey():
-    found = skies(preset="ci", survey={"seed": 7}, n_realisations=3)
-    assert [sky.survey.seed for sky in found] == [7, 8, 9]
-    several = [sky.realisations["default"] for sky in found]
-    assert len({(one.galaxy, one.n_sources) for members in several for one in members}) == 1
-
-
-def test_a_method_that_is_chaotic_has_restarts_and_another_has_one():
-    settings = {"preset": "ci", "n_realisations": 2}
-    members = [sky.realisations["default"] for sky in skies(**settings, n_restarts=3)]
+def test_seeds_follow_that_of_the_survey_and_a_method_that_is_chaotic_has_restarts():
+    settings = {"preset": "ci", "n_realisations": 2, "survey": {"seed": 7}}
+    several = skies(**settings, n_restarts=3)
+    assert [sky.survey.seed for sky in several] == [7, 8]
+    members = [sky.realisations["default"] for sky in several]
     assert [[one.restart for one in several] for several in members] == [[0, 1, 2]] * 2
+    assert len({(one.galaxy, one.n_sources) for several in members for one in several}) == 1
     assert members[0][2].calls("degraded")["sdecgmca"][1].restart == 2
     others = [[call for call in one.assessments if call[1].name != "sdecgmca"] for one in members[0]]
     assert others[0] == others[1] == others[2]  # not done again

@@ -27,7 +27,7 @@ VARIANTS = {
     "nonnegative": {"sign": "nonnegative"},
     "matrix": {"coefficients": "matrix", "last_coefficients": "matrix"},
 }
-"""{variant of the code that was run: options of `SDecGMCA`, beside the reading "code"}."""
+"""{variant of the code that was run: options of `SDecGMCA` in addition to the reading "code"}."""
 
 ITERATIONS = (1, 2, 3, 5, 10)
 """After which A is compared."""
@@ -65,11 +65,6 @@ class AuthorsCode:
             ) from None
         return cls(arrays=arrays)
 
-    @property
-    def lmax(self):
-        """Largest l of the problem."""
-        return self.arrays["beams"].shape[1] - 1
-
     def method(self, variant, **options):
         """The `SDecGMCA` that is to give the numbers of a variant."""
         return SDecGMCA(**_COMMON | VARIANTS[variant] | options)
@@ -87,7 +82,7 @@ class AuthorsCode:
 
     def scales(self, method):
         """The `Scales` of a method, whose thresholds work on HEALPix maps as in that code."""
-        return Scales(method, self.lmax, _NSIDE)
+        return Scales(method, self.arrays["beams"].shape[1] - 1, _NSIDE)
 
     def mixing(self, variant, iteration):
         """A of that code after some iterations, (n_channels, n_sources)."""
@@ -108,13 +103,12 @@ class AuthorsCode:
             The largest difference of A; and the one that a change of the start by `CHANGE` makes.
         """
         method, start = self.method(variant), self.mixing(variant, 0)
-        found = self.mixings(method, start, max(ITERATIONS))
         change = 1 + CHANGE * np.random.default_rng(0).standard_normal(start.shape)
-        moved = self.mixings(method, start * change, max(ITERATIONS))
-        pairs = [(found[n - 1], moved[n - 1], self.mixing(variant, n)) for n in ITERATIONS]
-        return [difference(one, code) for one, _, code in pairs], [
-            difference(one, other) for one, other, _ in pairs
-        ]
+        plain, moved = (self.mixings(method, one, max(ITERATIONS)) for one in (start, start * change))
+        return (
+            [difference(plain[n - 1], self.mixing(variant, n)) for n in ITERATIONS],
+            [difference(plain[n - 1], moved[n - 1]) for n in ITERATIONS],
+        )
 
 
 def read_authors_ensemble(path):

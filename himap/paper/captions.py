@@ -49,8 +49,8 @@ def in_short(method, nside, n_restarts=1):
     text = f"the text except for {_few(against)}" if against else "the text"
     text += f", with {_few(silent)}" if silent else ""
     end = "up to" if method.beyond == "cut" else "continued beyond"
-    said = f"SDecGMCA: reading “{method.reading}” ({text}), {end} ℓ = {min(method.lmax, 2 * nside)}"
-    return said if n_restarts == 1 else f"{said}; {of_restarts(n_restarts)}"
+    caption = f"SDecGMCA: reading “{method.reading}” ({text}), {end} ℓ = {min(method.lmax, 2 * nside)}"
+    return caption if n_restarts == 1 else f"{caption}; {of_restarts(n_restarts)}"
 
 
 def of_restarts(n):
@@ -62,7 +62,7 @@ def of_restarts(n):
 
 
 def _departures(method, words):
-    """Choices that the text speaks against, and others that differ from the letter, each in words."""
+    """Choices that contradict the text, and others that differ from the letter, each in words."""
     values = {name: getattr(method, name) for name in OPTIONS}
     against = [name for name, option in OPTIONS.items() if values[name] in option.against]
     others = [name for name in OPTIONS if name not in against and values[name] != READINGS["letter"][name]]

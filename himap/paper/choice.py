@@ -1,4 +1,4 @@
-"""What is known of each number of sources of a method, with and without the truth."""
+"""Criteria for the number of sources of a method, with and without the truth."""
 
 import numpy as np
 import pandas as pd

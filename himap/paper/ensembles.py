@@ -12,7 +12,7 @@ from scipy.stats import permutation_test
 from himap.core.errors import InputError
 from himap.measures.diagnostics import FAILING
 from himap.paper import cleaned
-from himap.paper.claims.verdicts import wilson
+from himap.paper.claims.entries import wilson
 from himap.paper.experiments.authors import first_mixings, growth, of_code, rows_of
 
 _BLOCK = 1000  # permutations at a time
@@ -31,8 +31,8 @@ VARIANTS = {
     "no $K$, instrument's noise": {"thresholds": "analytic", **_NO_K},
     "no thresholds": {"n_sigma": 0.0, **_NO_K},
 }
-"""{variant of the iteration: options of `SDecGMCA` beside the reading "code"}: without K all coefficients
-above the noise are kept, from the first iteration."""
+"""{variant of the iteration: options of `SDecGMCA` in addition to the reading "code"}: without K all
+coefficients above the noise are kept, from the first iteration."""
 
 MEASURES = ("C/C0, 2 to 9", "C/C0, 10 to 64", "P/P0, k < 0.03", "P/P0, 0.03 to 0.1", "bump", "flagged")
 """Quantities of the last S in which two ensembles are compared."""
@@ -122,8 +122,8 @@ def compare_samples(one, two, *, n_permutations=9999, seed=0):
         alternative="greater",
         rng=np.random.default_rng(seed),
     )
-    means, found = result.null_distribution.mean(axis=1), result.statistic.mean()
-    p_all = (1 + np.sum(means >= found * (1 - _ROUNDING))) / (1 + len(means))
+    means, mean = result.null_distribution.mean(axis=1), result.statistic.mean()
+    p_all = (1 + np.sum(means >= mean * (1 - _ROUNDING))) / (1 + len(means))
     return result.statistic, result.pvalue, float(p_all)
 
 
@@ -140,7 +140,7 @@ def _largest_differences(one, two, axis=-1):
 def failures(rows):
     """How often SDecGMCA fails, a DataFrame with a row for each reading, case and number of sources.
 
-    `rows` are of the experiment `restarts`. Columns beside these: "failed", "members", "skies", and "low" and
+    `rows` are of the experiment `restarts`. Further columns: "failed", "members", "skies", and "low" and
     "high", the Wilson interval of the probability, two sigma.
     """
     errors = rows[rows["quantity"] == "mean error"]

@@ -49,20 +49,20 @@ def sky_brightness(survey, galaxy):
 
 @product
 def masked_voxels(case, spread=True):
-    """How many voxels of a `Case` the peak masking replaces, by what stands out there most, (3,) int.
+    """How many voxels of a `Case` the peak masking replaces, by what is the largest part there, (3,) int.
 
     `spread` is as in `pipeline.peak_masked`.
 
-    A baseline is linear in the maps, so what stands out of the first one (paper, App. B) is the sum of what
-    HI, noise and foreground leave of themselves, each through the beam and less its own baseline. A voxel
-    belongs to the one that adds most to it; the order is that of `STANDING_OUT`.
+    A baseline is linear in the maps, so the deviation from the first one (paper, App. B) is the sum of those
+    of HI, noise and foreground, each through the beam and less its baseline. A voxel belongs to the part that
+    contributes most; the order is that of `STANDING_OUT`.
     """
     observed, flagged = pipeline.observation(case), pipeline.peak_masked(case, spread).flagged
     lines = np.flatnonzero(flagged.any(axis=0))
     counts = np.zeros(len(STANDING_OUT), dtype=int)
-    whole = pipeline.hi_seen(case)
+    seen = pipeline.hi_seen(case)
     for block in blocks(len(lines)):
-        hi, truth = whole[:, lines[block]], observed.truth[:, lines[block]]
+        hi, truth = seen[:, lines[block]], observed.truth[:, lines[block]]
         parts = (hi, truth - hi, observed.maps[:, lines[block]] - truth)
         masked = flagged[:, lines[block]]
         out = np.empty((len(parts), np.count_nonzero(masked)))
@@ -114,18 +114,18 @@ def _spectra_with(components, case, remover):
         maps *= case.dimming.weights(survey.nside)
     modes, beams = harmonic.to_modes(sphere.analyse(maps)), case.beam.of_survey(survey).total
     bright = on_sky(seen_through(modes, spectra, beams), survey.nside)
-    found = Cleaning.of(cleaned.data_of(case, bright.cube() + truth), remover).separation
+    separation = Cleaning.of(cleaned.data_of(case, bright.cube() + truth), remover).separation
     true = pipeline.true_spectra(case)
-    wrong = cleaned.difference(case, bright, found.foreground)
+    error = cleaned.difference(case, bright, separation.foreground)
     return PowerSpectra(
-        angular=angular_power_pair(pipeline.truth_alms(case), wrong)[0],
-        frequency=Moments.of(truth, wrong).frequency_power(true.frequency, survey.channel_width),
+        angular=angular_power_pair(pipeline.truth_alms(case), error)[0],
+        frequency=Moments.of(truth, error).frequency_power(true.frequency, survey.channel_width),
     )
 
 
 @product
 def error_of_flagged_lines(case, remover, mask_peaks=True, post_mask=False):
-    """What the error of a component method consists of on the lines of sight where it stands out.
+    """What the error of a component method consists of on the lines of sight that it flags.
 
     The foreground's spectra are those principal spectra of the true foreground through the beam that each
     hold more variance than the truth does in all channels together. Arguments as of `cleaned.assessment`.
@@ -140,18 +140,18 @@ def error_of_flagged_lines(case, remover, mask_peaks=True, post_mask=False):
     """
     lmax = cleaned.separation(case, remover, mask_peaks).lmax
     lines = diagnostics.flagged_lines(cleaned.assessment(case, remover, mask_peaks, post_mask).line_errors)
-    left, lost = (part.lines(lines) for part in leakage.split_error(case, remover, mask_peaks))
+    residual, loss = (part.lines(lines) for part in leakage.split_error(case, remover, mask_peaks))
     truth = _of_lines(pipeline.truth(case), lines)
-    if lmax is not None:  # what the truth has beyond is lost
-        lost += truth - _of_lines(pipeline.truth(case, lmax), lines)
+    if lmax is not None:  # what the truth has beyond is signal loss
+        loss += truth - _of_lines(pipeline.truth(case, lmax), lines)
     variance = float(pipeline.true_spectra(case).angular.variance.sum())
     axes = on_sky(pipeline.foreground_seen(case), case.survey.nside).truncate(variance).spectra
-    error = left - lost
+    error = residual - loss
     squares = {
         "error": error,
         "in spectra": axes.T @ error,
-        "foreground residual": left,
-        "signal loss": lost,
+        "foreground residual": residual,
+        "signal loss": loss,
         "truth": truth,
         "truth in spectra": axes.T @ truth,
     }
@@ -176,15 +176,15 @@ def peak_without_lines(case, remover, mask_peaks=True):
         share `CONTROL` of the faintest. The brightness of a line is the mean over channels of the foreground
         through the beam; residual and truth have the same lines, less their means over these.
     """
-    found, width = cleaned.separation(case, remover, mask_peaks), case.survey.channel_width
-    wrong, truth = cleaned.error_of(case, found, mask_peaks), pipeline.truth(case)
-    low = truth if found.lmax is None else pipeline.truth(case, found.lmax)
+    separation, width = cleaned.separation(case, remover, mask_peaks), case.survey.channel_width
+    error, truth = cleaned.error_of(case, separation, mask_peaks), pipeline.truth(case)
+    low = truth if separation.lmax is None else pipeline.truth(case, separation.lmax)
     bright = on_sky(pipeline.foreground_seen(case), case.survey.nside)
     place = np.argsort(np.argsort(bright.spectra.mean(axis=0) @ bright.maps)) / case.survey.n_pix
     ratios = []
     for kept in (*(place < 1 - share for share in BRIGHTEST), place >= CONTROL):
         true = frequency_power(truth, width, mask=kept)
         base = true if low is truth else frequency_power(low, width, mask=kept)
-        recovered = Moments.of(low, wrong, mask=kept).frequency_power(base, width)
+        recovered = Moments.of(low, error, mask=kept).frequency_power(base, width)
         ratios.append(diagnostics.ratio(recovered.power[1:], true.power[1:]))
     return true.k[1:], np.array(ratios)

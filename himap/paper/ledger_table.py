@@ -1,14 +1,14 @@
 """The ledger as a table: in a notebook, in the rendered book, and on a terminal."""
 
 import html
+import math
 from collections import Counter
 
 import pandas as pd
 
 from himap.figures.tables import HTML, Table
 from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
-from himap.paper.claims.base import SECTIONS
-from himap.paper.claims.verdicts import PLACE
+from himap.paper.claims.base import PLACE, SECTIONS
 
 BADGES = {
     REPRODUCED: ("✓", "#00664b"),
@@ -88,12 +88,12 @@ def cause(entry, others):
     if entry.verdict == REPRODUCED:
         return ""
     better = (REPRODUCED,) if entry.verdict == IN_PART else (REPRODUCED, IN_PART)
-    id = entry.claim.id
-    found = [name for name, several in others.items() if id in several and several[id].verdict in better]
+    same = {name: several.get(entry.claim.id) for name, several in others.items()}
+    causes = [name for name, other in same.items() if other and other.verdict in better]
     failing = {share.method for share in entry.main_shares.itertuples() if not share.holds}
     if failing and not failing & {"SD", ""}:
-        found.insert(0, f"{', '.join(sorted(failing))}, not SD")
-    return "; ".join(found) or "none found"
+        causes.insert(0, f"{', '.join(sorted(failing))}, not SD")
+    return "; ".join(causes) or "none found"
 
 
 class LedgerTable:
@@ -162,7 +162,7 @@ def shares_text(shares):
 
 
 def members_text(entry):
-    """On how many members an entry rests."""
+    """How many members an entry has."""
     skies = f"{entry.n_skies} sk{'y' if entry.n_skies == 1 else 'ies'}"
     return skies if entry.n_restarts == 1 else f"{skies}, {entry.n_restarts} restarts"
 
@@ -170,8 +170,5 @@ def members_text(entry):
 def measured(entry):
     """Median, and the range from 16 to 84 % of the members where there are several."""
     median, low, high = entry.values
-    if median != median:
-        return "–"
-    if low == high:
-        return f"{median:.3g}"
-    return f"{median:.3g} ({low:.3g} to {high:.3g})"
+    spread = f" ({low:.3g} to {high:.3g})" if low < high else ""
+    return "–" if math.isnan(median) else f"{median:.3g}{spread}"

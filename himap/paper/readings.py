@@ -36,7 +36,7 @@ COLUMNS = {
     "main": bool,
     "held": bool,
 }
-"""{column: type} of the rows of readings. The quantity is the id of a claim; or what is measured besides:
+"""{column: type} of the rows of readings. The quantity is the id of a claim; or another number:
 mean ratios in `BANDS`; "bump", the highest P/P0 near k = 0.31 / MHz; "mean error" and "largest error",
 |C/C0 - 1| at 10 < l < 200; the share of lines of sight that are "flagged", and of these "near the plane";
 "total error", the MSE of both spectra; "iterations" of both stages; whether the last one "converged"; the
@@ -98,19 +98,16 @@ def readings():
     are not among them.
     """
     default = READINGS["default"]
-    known = {
-        name: Reading(label=name, options=() if name == "default" else (("reading", name),))
-        for name in READINGS
-    }
-    for option, value in ((name, value) for name, one in OPTIONS.items() for value in one.choices):
-        values = default | {option: value}
+    named = {name: (("reading", name),) for name in READINGS} | {"default": ()}
+    known = {name: Reading(label=name, options=options) for name, options in named.items()}
+    for change in ((name, value) for name, one in OPTIONS.items() for value in one.choices):
+        values = default | dict([change])
         with suppress(InputError):
             resolved("default", values)
-            names = [name for name, named in READINGS.items() if named == values]
-            label = names[0] if names else f"{option} = {value}"
-            options = known[label].options if names else ((option, value),)
-            if value != default[option]:
-                known[label] = Reading(label=label, options=options, changed=(option, value))
+            same = [name for name, one in READINGS.items() if one == values]
+            label = same[0] if same else " = ".join(map(str, change))
+            if values != default:
+                known[label] = Reading(label=label, options=named.get(label, (change,)), changed=change)
     return known
 
 
@@ -121,12 +118,11 @@ def candidates():
     """
     several = {}
     for name, beyond in itertools.product(READINGS.keys() - {"default"}, OPTIONS["beyond"].choices):
-        if READINGS[name]["beyond"] == beyond:
-            several[name] = Reading(label=name, options=(("reading", name),))
-        else:
-            label, options = f"{name}, beyond = {beyond}", (("reading", name), ("beyond", beyond))
-            several[label] = Reading(label=label, options=options)
-    return {label: several[label] for label in sorted(several)}
+        label, options = name, (("reading", name),)
+        if READINGS[name]["beyond"] != beyond:
+            label, options = f"{name}, beyond = {beyond}", (*options, ("beyond", beyond))
+        several[label] = Reading(label=label, options=options)
+    return dict(sorted(several.items()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +134,7 @@ class Outcome:
     entries
         {claim: `himap.paper.claims.entries.Entry`}.
     numbers
-        What is measured besides, through the oscillating beam: a DataFrame with a row for each (seed,
+        The other numbers, through the oscillating beam: a DataFrame with a row for each (seed,
         restart) and a column for each quantity but `CURVES`; bands that the maps do not hold are missing.
     curves
         DataFrame of the rows of `CURVES`.
@@ -176,18 +172,18 @@ def outcomes(rows):
             f"the record has a reading of another version of himap, {', '.join(sorted(unknown))}; "
             "measure it again."
         )
-    groups = dict(list(rows.groupby("reading")))
-    return {label: _outcome(groups[label]) for label in known if label in groups}
-
-
-def _outcome(rows):
-    judged, curves = rows["quantity"].str.fullmatch(r"[A-Z]\d+"), rows["quantity"].isin(CURVES)
-    claims = rows[judged].rename(columns={"quantity": "claim"}).assign(sentence="")
-    numbers = rows[~judged & ~curves].pivot_table(
-        index=["seed", "restart"], columns="quantity", values="value", aggfunc="first", sort=False
-    )
-    by_claim = {entry.claim.id: entry for entry in entries(claims)}
-    return Outcome(entries=by_claim, numbers=numbers, curves=rows[curves])
+    by_label, groups = {}, dict(list(rows.groupby("reading")))
+    for label in (label for label in known if label in groups):
+        of_reading = groups[label]
+        judged = of_reading["quantity"].str.fullmatch(r"[A-Z]\d+")
+        curves = of_reading["quantity"].isin(CURVES)
+        claims = of_reading[judged].rename(columns={"quantity": "claim"}).assign(sentence="")
+        numbers = of_reading[~judged & ~curves].pivot_table(
+            index=["seed", "restart"], columns="quantity", values="value", aggfunc="first", sort=False
+        )
+        by_claim = {entry.claim.id: entry for entry in entries(claims)}
+        by_label[label] = Outcome(entries=by_claim, numbers=numbers, curves=of_reading[curves])
+    return by_label
 
 
 def charity(entries):
@@ -198,8 +194,8 @@ def charity(entries):
     entries
         `himap.paper.claims.entries.Entry` of each claim, under one reading.
     """
-    of_sd = [entry.main_shares.loc[entry.main_shares["method"] == "SD", "mean"] for entry in entries]
-    return sum(float(shares.sum()) for shares in of_sd)
+    shares = [entry.main_shares for entry in entries]
+    return float(sum(one.loc[one["method"] == "SD", "mean"].sum() for one in shares))
 
 
 def ranked_candidates(outcomes):

@@ -51,9 +51,8 @@ def _furthest(values):
     if not finite:
         return "–"
     furthest = max(finite, key=lambda value: abs(math.log(value)) if value > 0 else math.inf)
-    if furthest < _MANY:
-        return f"{furthest:#.3g}".rstrip(".")
-    return f"{furthest:.0e}".replace("e+0", "e")
+    short = f"{furthest:#.3g}".rstrip(".")
+    return short if furthest < _MANY else f"{furthest:.0e}".replace("e+0", "e")
 
 
 def robustness(outcomes):
@@ -63,13 +62,12 @@ def robustness(outcomes):
     not hold.
     """
     claims = {EVERY: [], SOME: [], NONE: [], VOID: []}
-    for claim in _judged(outcomes):
+    for claim in CLAIMS:
         judging = [one.entries[claim] for one in outcomes.values() if claim in one.entries]
         holds = {entry.holds for entry in judging}
-        if all(entry.verdict == INAPPLICABLE for entry in judging):
-            claims[VOID].append(claim)
-        else:
-            claims[SOME if len(holds) == 2 else EVERY if True in holds else NONE].append(claim)
+        kind = SOME if len(holds) == 2 else EVERY if True in holds else NONE
+        if judging:
+            claims[VOID if {entry.verdict for entry in judging} == {INAPPLICABLE} else kind].append(claim)
     return claims
 
 
@@ -90,10 +88,6 @@ def insensitive_claims(outcomes):
             numbers = entry.members["value"].map(str)  # in which NaN is equal to itself
             versions.setdefault(claim, set()).add((entry.label, *numbers))
     return [claim for claim in CLAIMS if len(versions.get(claim, ())) == 1]
-
-
-def _judged(outcomes):
-    return [claim for claim in CLAIMS if any(claim in one.entries for one in outcomes.values())]
 
 
 def candidates_table(outcomes):
@@ -117,7 +111,7 @@ def option_rows(outcomes):
     with a name that have it, and of every other choice in how many runs it fails and which claims it decides.
     """
     changes = {reading.changed: label for label, reading in readings().items()}
-    decisive = {claim: decisive_options(outcomes, claim) for claim in _judged(outcomes)}
+    decisive = {claim: decisive_options(outcomes, claim) for claim in CLAIMS}
     rows = []
     for option, one in OPTIONS.items():
         for value, meaning in one.choices.items():

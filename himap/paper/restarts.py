@@ -1,7 +1,7 @@
 """What can be said of a run of SDecGMCA without the truth, and how often it is right.
 
 A table has the columns seed, reading, restart, quantity and value (`himap.paper.experiments.flags`), one
-ensemble for each seed and reading; quantities that it lacks are left out.
+ensemble for each seed and reading; quantities that it does not have are skipped.
 """
 
 import numpy as np
@@ -43,29 +43,25 @@ def flag_rates(table):
     """
     members, rows = members_of(table), {}
     failed = members["failed"].to_numpy()
-    for name, (_, limit) in FLAGS.items():
-        if name in members:
-            values = members[name]
-            if limit is None:  # of one data set alone is it comparable
-                values, limit = values / values.groupby(members["ensemble"]).transform("median"), 1.0
-            rows[name] = _rates(values.to_numpy(), values.to_numpy() > limit, failed)
-    used = [name for name in USED if name in members]
-    either = np.any([members[name] > USED[name][0] for name in used], axis=0) if used else None
-    if used:
-        rows["either"] = _rates(either.astype(float), either, failed)
+    limits = {name: limit for name, (_, limit) in FLAGS.items() if name in members}
+    if used := [name for name in USED if name in members]:
+        members["either"] = np.any([members[name] > USED[name][0] for name in used], axis=0).astype(float)
+        limits["either"] = 0.5
+    for name, limit in limits.items():
+        values = members[name]
+        if limit is None:  # it is comparable within one data set alone
+            values, limit = values / values.groupby(members["ensemble"]).transform("median"), 1.0
+        values, flagged = values.to_numpy(), values.to_numpy() > limit
+        bad, good = values[failed], values[~failed]
+        more = (bad[:, None] > good) + 0.5 * (bad[:, None] == good)
+        rows[name] = {
+            "hits": int(np.sum(flagged & failed)),
+            "n_failed": len(bad),
+            "false_alarms": int(np.sum(flagged & ~failed)),
+            "n_sound": len(good),
+            "ranked": float(more.mean()) if more.size else np.nan,
+        }
     return pd.DataFrame(rows).T.convert_dtypes()
-
-
-def _rates(values, flagged, failed):
-    bad, good = values[failed], values[~failed]
-    more = (bad[:, None] > good) + 0.5 * (bad[:, None] == good)
-    return {
-        "hits": int(np.sum(flagged & failed)),
-        "n_failed": int(failed.sum()),
-        "false_alarms": int(np.sum(flagged & ~failed)),
-        "n_sound": int(np.sum(~failed)),
-        "ranked": float(more.mean()) if more.size else np.nan,
-    }
 
 
 def chosen_failures(table):
@@ -75,13 +71,13 @@ def chosen_failures(table):
     quantity whose least value several members of an ensemble share chooses none.
     """
     members = members_of(table)
-    found = {"any": (int(members["failed"].sum()), len(members))}
+    chosen = {"any": (int(members["failed"].sum()), len(members))}
     for name in FLAGS:
         if name in members:
             least = members[members[name] == members.groupby("ensemble")[name].transform("min")]
             if least["ensemble"].is_unique:
-                found[name] = int(least["failed"].sum()), len(least)
-    return found
+                chosen[name] = int(least["failed"].sum()), len(least)
+    return chosen
 
 
 def flag_table(table):

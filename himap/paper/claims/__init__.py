@@ -1,24 +1,20 @@
 """The claims of the paper as checks: one function for each, on one `Realisation` of the sky.
 
 A claim is broken into parts that hold or do not; those that its sentence in the paper is about are *main*.
-Its verdict follows from the share of skies and restarts in which these hold (`himap.paper.claims.verdicts`);
+Its verdict follows from the share of skies and restarts in which these hold (`himap.paper.claims.entries`);
 it does not apply to maps that do not hold what it is about. How the words of the paper are read is in the
 docstring of each function, which is shown with its verdict.
 """
 
-from himap.paper.claims import (  # noqa: F401 - each enters its claims
-    beams,
-    further,
-    other_sections,
-    peak_masking,
-)
-from himap.paper.claims.base import REGISTRY, Claim
-from himap.paper.claims.verdicts import (
+from himap.paper.claims import beams, further, other_sections, peak_masking  # noqa: F401
+from himap.paper.claims.base import (
     FAILED,
     IN_PART,
     INAPPLICABLE,
+    REGISTRY,
     REPRODUCED,
     UNDECIDED,
+    Claim,
     Finding,
     Part,
 )

@@ -1,12 +1,26 @@
-"""What every claim has in common: its entry in the ledger, and measures that many share."""
+"""What claims are made of: their words and parts, and the measures and tests that many share.
 
+A word of the paper is one number, the same in every claim that uses it. An edge that the paper gives as
+about, such as l ~ 40, is that number itself.
+"""
+
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from himap.measures.diagnostics import BUMP, inside
-from himap.paper.claims.verdicts import CONSISTENT, METHODS, RECOVERED, Finding, is_smaller
+from himap.measures.diagnostics import BUMP, Comparison, inside
+
+METHODS = {
+    "pca": "PCA",
+    "fastica": "ICA",
+    "gmca": "GMCA",
+    "sdecgmca": "SD",
+    "polynomial": "POL",
+    "parametric": "PAR",
+}
+"""Short names of the methods in the ledger."""
 
 BLIND = ("pca", "fastica", "gmca")
 BEAMS = ("degraded", "evolving", "oscillating")
@@ -16,6 +30,26 @@ CLIPPED = {spread: f"oscillating, sigma of the {spread}" for spread in ("channel
 """{spread of the peak masking other than the line's (`himap.removal.peaks.SPREADS`): name of the case}."""
 
 LOW_K = 0.1  # 1/MHz, below which the paper calls k low
+RECOVERED = 0.1  # |ratio - 1| below which a spectrum counts as recovered: the 10 % of the paper
+CLEAR = 1.1  # ratio to the truth above which there is an excess, or a peak
+STRONG = 1.5  # ratio to the truth above which an excess is *strong*
+MUCH = 2  # *much larger*: at least this many times as large
+ORDERS = 100  # too high *by orders of magnitude*: two of them or more, in the median
+LEAST_ORDER = 10  # too high *across all scales*: by this factor at every multipole
+MOST = 0.5  # *most* of some voxels or lines of sight, or of an excess: more than this share
+CONSISTENT = 0.95  # *consistently*, *within x %*, *about x %*: at this share or more of the l, k or channels
+NOTABLE = 0.2  # *notable*: more than this share of all, or of what it was
+EQUAL = 0.01  # two numbers within this of each other are equal, where a part compares two
+
+PLACE = ": place "
+"""In the name of a part that is a place, which is not main and holds in those members that have it there."""
+
+REPRODUCED = "reproduced"
+IN_PART = "in part"
+UNDECIDED = "undecided"
+FAILED = "not reproduced"
+INAPPLICABLE = "does not apply"
+"""The verdicts, from the best to the worst; and where maps or scan do not hold what the claim is about."""
 
 SECTIONS = {
     "1": ("Sect. 1: the sky", "01_simulations"),
@@ -37,7 +71,48 @@ REGISTRY = {}
 """{id: `Claim`}."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
+class Part:
+    """One part of a claim.
+
+    Attributes
+    ----------
+    name
+        What it says, in a few words.
+    held
+        Whether it holds; None where its premise is absent, such as a peak to lower, which counts as False.
+    main
+        Whether it is what the paper's sentence is about: the verdict follows from the main parts.
+    method
+        Short name of the method that it is about, "PCA/ICA" for both; empty if it is about several or none.
+    """
+
+    name: str
+    held: bool | None
+    main: bool = True
+    method: str = ""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The parts of a claim in one member: a sky, and a restart of SDecGMCA.
+
+    Attributes
+    ----------
+    value
+        The measured number, NaN if it cannot be measured.
+    parts
+        Tuple of `Part`; none where the claim does not apply.
+    sentence
+        The numbers behind every part.
+    """
+
+    value: float
+    parts: tuple
+    sentence: str
+
+
+@dataclass(frozen=True)
 class Claim:
     """One claim of the paper.
 
@@ -45,65 +120,62 @@ class Claim:
     ----------
     id, beam
         As in the ledger.
+    section, figure
+        Of the paper; the figure is empty where it has none.
     number, paper
         What is measured, and what the paper gives for it.
-    section, figure, notebook
-        Of the paper, the figure empty where it has none; and where the companion shows it.
+    notebook
+        Where the companion shows it.
     check
-        Function from `Realisation` to `himap.paper.claims.verdicts.Finding`, whose docstring begins with the
-        claim, in our words.
+        Function from `Realisation` to `Finding`.
+    statement, reading
+        What the paper claims, in our words, and how the words of the paper are read.
     """
 
     id: str
     beam: str
-    number: str
-    paper: str
     section: str
     figure: str
+    number: str
+    paper: str
     notebook: str
     check: Callable
-
-    @property
-    def statement(self):
-        """What the paper claims."""
-        return self.check.__doc__.partition("\n")[0]
-
-    @property
-    def reading(self):
-        """How the words of the paper are read."""
-        return " ".join(self.check.__doc__.partition("\n")[2].split())
+    statement: str
+    reading: str
 
 
 def claim(id, beam, section, figure, number, paper, *, notebook=""):
     """Decorator: enter a function from `Realisation` to `Finding` as the `Claim` with these attributes.
 
-    Its docstring is statement and reading; without `notebook` the chapter is that of the section.
+    The first line of its docstring is the statement, the rest the reading; without `notebook` the chapter is
+    that of the section.
     """
 
     def register(check):
-        place = {"section": section, "figure": figure, "notebook": notebook or SECTIONS[section][1]}
-        REGISTRY[id] = Claim(id=id, beam=beam, number=number, paper=paper, **place, check=check)
+        statement, _, reading = check.__doc__.partition("\n")
+        words = statement, " ".join(reading.split())
+        place = notebook or SECTIONS[section][1]
+        REGISTRY[id] = Claim(id, beam, section, figure, number, paper, place, check, *words)
         return check
 
     return register
 
 
-def each(sky, case, measure, methods=tuple(METHODS)):
-    """A measure of some methods on a case of a `Realisation`, {short name: number}."""
-    comparisons = sky.of(case)
-    return {METHODS[name]: measure(comparisons[name]) for name in methods}
-
-
-def quotients(over, under):
-    """{name: value} over {name: value}, both with the same names."""
-    return {name: value / under[name] for name, value in over.items()}
-
-
 def finding(value, parts, wording, form="{:.3g}"):
-    """A `Finding` whose sentence is `wording`: text, or {what: numbers as of `listing`} behind it."""
+    """A `Finding` whose sentence is `wording`: text, or {what: numbers as of `listing`} behind it.
+
+    There is no number if the premise of every main part is absent.
+    """
     if not isinstance(wording, str):
         wording = "; ".join(f"{what}: {listing(numbers, form)}" for what, numbers in wording.items()) + "."
-    return Finding(value, parts, wording)
+    parts = tuple(parts)
+    absent = all(part.held is None for part in parts if part.main)
+    return Finding(math.nan if absent else value, parts, wording)
+
+
+def not_applicable(sentence):
+    """The `Finding` where maps or scan do not hold what the claim is about, which the sentence says."""
+    return Finding(math.nan, (), sentence)
 
 
 def listing(values, form="{:.3g}"):
@@ -113,9 +185,46 @@ def listing(values, form="{:.3g}"):
     return ", ".join(f"{name} {form.format(value)}" for name, value in values.items())
 
 
+def parts_of(values, test, words, *, main=True, method=""):
+    """A `Part` for each of {name: value}: whether `test(value)` is true; absent where the value is None.
+
+    PCA and ICA have the same foreground residual, and are one part: that of the worse of the two, so that it
+    holds if it does for both. A part is about the method that it has the name of, otherwise about `method`.
+    """
+    joint = {}
+    for name, value in values.items():
+        held = None if value is None else bool(test(value))
+        joint.setdefault("PCA/ICA" if name in ("PCA", "ICA") else name, []).append(held)
+    alone = {"PCA/ICA", *METHODS.values()}
+    return tuple(
+        Part(f"{name} {words}", all_hold(several), main, name if name in alone else method)
+        for name, several in joint.items()
+    )
+
+
+def places_of(best):
+    """A `Part` for the place of each of {name: place}, such as the number of sources with the least error."""
+    return tuple(Part(f"{name}{PLACE}{place}", True, False, "SD") for name, place in best.items())
+
+
+def all_hold(held):
+    """False if one of them does not hold, else None if one is undecided or its premise is absent."""
+    return False if False in held else None if None in held else True
+
+
+def is_smaller(one, other):
+    """Whether a number is smaller than another, by more than the dead band `EQUAL`."""
+    return bool(one < other * (1 - EQUAL if other > 0 else 1 + EQUAL))
+
+
+def without_sd(values):
+    """{name: number} of the methods other than SD."""
+    return {name: value for name, value in values.items() if name != "SD"}
+
+
 def sd_least(values):
     """Whether SD has the smallest of {name: number}, by more than the dead band."""
-    return is_smaller(values["SD"], min(value for name, value in values.items() if name != "SD"))
+    return is_smaller(values["SD"], min(without_sd(values).values()))
 
 
 def below(limit):
@@ -142,6 +251,17 @@ recovered = below(RECOVERED)
 """Whether a deviation from 1 is within the 10 % of the paper."""
 
 
+def each(sky, case, measure, methods=tuple(METHODS)):
+    """A measure of some methods on a case of a `Realisation`, {short name: number}."""
+    comparisons = sky.of(case)
+    return {METHODS[name]: measure(comparisons[name]) for name in methods}
+
+
+def quotients(over, under):
+    """{name: value} over {name: value}, both with the same names."""
+    return {name: value / under[name] for name, value in over.items()}
+
+
 def _most(values):
     """What a share `CONSISTENT` of some values does not exceed."""
     return np.quantile(values, CONSISTENT, method="inverted_cdf")
@@ -150,18 +270,21 @@ def _most(values):
 STATISTICS = {
     "mean": np.mean,
     "median": np.median,
+    "lowest": np.min,
     "highest": np.max,
     "error": lambda ratios: np.mean(np.abs(ratios - 1)),
     "deviation": lambda ratios: np.max(np.abs(ratios - 1)),
     "within": lambda ratios: _most(np.abs(ratios - 1)),
     "below": _most,
+    "recovered": lambda ratios: np.mean(np.abs(ratios - 1) < RECOVERED),
 }
 """{name: function} of the ratios in a band: "error" is the mean |ratio - 1|, "deviation" the largest, and
-"within" what 95 % of them do not exceed; "below" is what 95 % of the ratios do not exceed.
+"within" what 95 % of them do not exceed; "below" is what 95 % of the ratios do not exceed, and "recovered"
+the share of them that are.
 """
 
 
-def in_band(statistic, x, ratios, low, high):
+def in_band(statistic, x, ratios, low, high=np.inf):
     """One of `STATISTICS` of the ratios where low < x < high."""
     return float(STATISTICS[statistic](inside(x, ratios, low, high)))
 
@@ -183,6 +306,5 @@ bump = frequency_band("highest", *BUMP)
 """Highest P/P0 near k = 0.31, of a `Comparison`."""
 
 
-def total(comparison):
-    """Total MSE of both spectra."""
-    return comparison.total_error()
+total = Comparison.total_error
+"""Total MSE of both spectra of a `Comparison`."""

@@ -1,4 +1,4 @@
-"""The ledger: each claim of the paper with its verdict over several skies, from the rows of a record."""
+"""The ledger: each claim of the paper with its verdict over skies and restarts, from the rows of a record."""
 
 import math
 from dataclasses import dataclass
@@ -6,10 +6,28 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
+from scipy.stats import binomtest, norm
 
 from himap.core.errors import InputError
-from himap.paper.claims import CLAIMS, IN_PART, REPRODUCED, Claim
-from himap.paper.claims.verdicts import HOLDS, HOLDS_NOT, PLACE, holds_in, judge_shares, wilson
+from himap.paper.claims import CLAIMS
+from himap.paper.claims.base import (
+    FAILED,
+    IN_PART,
+    INAPPLICABLE,
+    PLACE,
+    REPRODUCED,
+    UNDECIDED,
+    Claim,
+    all_hold,
+)
+
+HOLDS = 0.84
+"""Share of the members from which a part holds."""
+
+HOLDS_NOT = 0.16
+"""Share of the members up to which it does not."""
+
+_ROUNDING = 1e-9  # of a share
 
 COLUMNS = {
     "restart": int,
@@ -26,7 +44,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A claim, and what was found of it in every member.
+    """A claim, and the findings on it in every member.
 
     Attributes
     ----------
@@ -166,18 +184,59 @@ def shares_of(rows):
         Wilson interval of its restarts, 1 sigma; "absent", the share of the members in which the premise is
         absent; "holds": True, False, or None where it is undecided.
     """
-    found, part = rows[rows["part"].notna()], ["claim", "part"]
-    sizes = found.groupby(["claim", "seed"])["restart"].nunique().rename("size").reset_index()
-    counts = found.assign(held=found["held"].eq(True), absent=found["held"].isna())
+    judged, part = rows[rows["part"].notna()], ["claim", "part"]
+    sizes = judged.groupby(["claim", "seed"])["restart"].nunique().rename("size").reset_index()
+    counts = judged.assign(held=judged["held"].eq(True), absent=judged["held"].isna())
     counts = counts.groupby([*part, "seed"])[["held", "absent"]].sum().reset_index()
-    shares = found.drop_duplicates(part)[[*part, "method", "main"]].astype({"main": bool})
-    skies = shares[part].merge(sizes, on="claim").merge(counts, on=[*part, "seed"], how="left").fillna(0)
+    parts = judged.drop_duplicates(part)[[*part, "method", "main"]].astype({"main": bool})
+    skies = parts[part].merge(sizes, on="claim").merge(counts, on=[*part, "seed"], how="left").fillna(0)
     skies[["held", "absent"]] = skies[["held", "absent"]].div(skies["size"], axis=0)
     columns = {"mean": ("held", "mean"), "low": ("held", "min"), "high": ("held", "max")}
     columns |= {"absent": ("absent", "mean"), "members": ("size", "sum"), "skies": ("size", "size")}
-    found = skies.groupby(part, sort=False).agg(**columns)
-    alone = found["skies"] == 1
-    ends = [wilson(round(one.mean * one.members), one.members) for one in found[alone].itertuples()]
-    found.loc[alone, ["low", "high"]] = np.reshape(ends, (-1, 2))
-    found["holds"] = pd.Series(map(holds_in, found["mean"]), found.index, dtype=object)
-    return shares.set_index(part).join(found.drop(columns=["members", "skies"]))
+    shares = skies.groupby(part, sort=False).agg(**columns)
+    alone = shares["skies"] == 1
+    ends = [wilson(round(one.mean * one.members), one.members) for one in shares[alone].itertuples()]
+    shares.loc[alone, ["low", "high"]] = np.reshape(ends, (-1, 2))
+    shares["holds"] = pd.Series(map(holds_in, shares["mean"]), shares.index, dtype=object)
+    return parts.set_index(part).join(shares.drop(columns=["members", "skies"]))
+
+
+def holds_in(share):
+    """Whether a part holds that does so in this share of the members: True, False, or None, undecided."""
+    return True if share >= HOLDS - _ROUNDING else False if share <= HOLDS_NOT + _ROUNDING else None
+
+
+def wilson(count, total, z=1.0):
+    """Wilson interval of a probability, (low, high), `z` sigma, from a count of `total`."""
+    share = 1 - 2 * norm.sf(z)
+    return tuple(binomtest(int(count), total).proportion_ci(share, method="wilson"))
+
+
+def judge_shares(shares):
+    """(verdict, what it says of the methods) of the main parts of a claim, rows of `shares_of`.
+
+    A method holds if all its parts do, and fails if one of them does; parts about no single method are each
+    by themselves. A claim about several methods is *in part* if it holds for one and fails for another.
+    """
+    shares = list(shares.itertuples())
+    groups = {}
+    for share in shares:
+        groups.setdefault(share.method or share.Index, []).append(share.holds)
+    outcome = {name: all_hold(held) for name, held in groups.items()}
+    methods = {share.method for share in shares} - {""}
+    by_method = [outcome[name] for name in methods] if len(methods) > 1 else []
+    if not shares:
+        return INAPPLICABLE, ""
+    if all(outcome.values()):
+        return REPRODUCED, ""
+    if True in by_method and False in outcome.values():
+        words = [f"for {sum(share.holds is True for share in shares)} of {len(shares)} parts"]
+        for held, word in ((False, "not for"), (None, "undecided for")):
+            if names := [name for name, one in outcome.items() if one is held]:
+                words.append(f"{word} {', '.join(names)}")
+        return IN_PART, "; ".join(words)
+    if True in by_method or None in by_method or False not in outcome.values():
+        return UNDECIDED, ""
+    failing = [share for share in shares if share.holds is False]
+    absent = all(share.absent >= HOLDS - _ROUNDING for share in failing)
+    return FAILED, "premise absent" if absent else ""

@@ -1,34 +1,36 @@
 """The sky (Sect. 1), the number of sources (4.3), the dimmed Galaxy (5.2), and diagnostics (App. A)."""
 
+import math
+
 import numpy as np
+from scipy.stats import gmean
 
 from himap.measures.diagnostics import MSE_DEFINITIONS
 from himap.paper.claims.base import (
+    CLEAR,
+    CONSISTENT,
     LOW_K,
     METHODS,
+    Part,
     above,
     angular_band,
+    below,
     bump,
     claim,
     each,
     finding,
     frequency_band,
+    in_band,
+    is_smaller,
     larger,
     listing,
+    not_applicable,
+    parts_of,
+    places_of,
     quotients,
     sd_least,
     smaller,
     total,
-)
-from himap.paper.claims.verdicts import (
-    CLEAR,
-    CONSISTENT,
-    RECOVERED,
-    Part,
-    is_smaller,
-    not_applicable,
-    parts_of,
-    places_of,
 )
 
 _DIMMED = ("oscillating", "dimmed")
@@ -43,15 +45,14 @@ def foregrounds_above_hi(sky):
     foregrounds together over that of HI, mean brightness included. Its log10 is above 4 over all the sky, and
     from 3 to 5 at |b| > 30 deg, as "up to" is an upper bound. Two parts, both main.
     """
-    rms = sky.brightness()
-    orders = {region: float(np.log10(foregrounds / hi)) for region, (foregrounds, hi) in rms.items()}
-    everywhere, high = orders
+    rms = {region: {"foregrounds": bright, "HI": hi} for region, (bright, hi) in sky.brightness().items()}
+    orders = {region: math.log10(row["foregrounds"] / row["HI"]) for region, row in rms.items()}
+    (everywhere, above_all), (high, above_high) = orders.items()
     parts = (
-        Part(f"over 4 orders, {everywhere}", orders[everywhere] > 4),
-        Part(f"3 to 5 orders, {high}", 3 <= orders[high] <= 5),
+        Part(f"over 4 orders, {everywhere}", above_all > 4),
+        Part(f"3 to 5 orders, {high}", 3 <= above_high <= 5),
     )
-    in_mk = {region: dict(zip(("foregrounds", "HI"), pair, strict=True)) for region, pair in rms.items()}
-    return finding(orders[everywhere], parts, {"Orders of magnitude": orders, "rms in mK": in_mk})
+    return finding(above_all, parts, {"Orders of magnitude": orders, "rms in mK": rms})
 
 
 def _missing(sky, *counts):
@@ -139,9 +140,8 @@ def scan_large_degrees(sky):
     if len(scan) < 2:
         return not_applicable("The scan holds one n_s only.")
     spread = np.ptp([comparison.angular_ratio for comparison in scan], axis=0)
-    middle = float(np.median(spread[(degrees > 10) & (degrees < 100)]))
-    large = float(np.median(spread[(degrees > 150) & (degrees <= 200)]))
-    parts = (Part("smaller at l > 150", is_smaller(large, middle), method="SD"),)
+    middle, large = (in_band("median", degrees, spread, *ends) for ends in ((10, 100), (150, 201)))
+    parts = [Part("smaller at l > 150", is_smaller(large, middle), method="SD")]
     wording = {"Median spread of C/C0 over n_s": {"10 < l < 100": middle, "l > 150": large}}
     return finding(large / middle, parts, wording)
 
@@ -174,20 +174,14 @@ def dimmed_peak(sky):
     them; that of SD is below 1.02.
     """
     tops = each(sky, "dimmed", bump, _THREE)
-    parts = (
-        *parts_of({name: tops[name] for name in ("PCA", "ICA")}, above(CLEAR), "keep the peak"),
-        Part("SD below 2 %", tops["SD"] < 1.02, method="SD"),
-    )
+    parts = parts_of({name: tops[name] for name in ("PCA", "ICA")}, above(CLEAR), "keep the peak")
+    parts += parts_of({"SD": tops["SD"]}, below(1.02), "below 2 %")
     return finding(tops["SD"] - 1, parts, {"Highest P/P0 near k = 0.31": tops}, "{:.4g}")
 
 
 def _recovered_shares(sky):
     """Share of l within 10 %, {case: {method: share}}, and how much it grows with dimming, {method: more}."""
-
-    def share(comparison):
-        return float(np.mean(np.abs(comparison.angular_ratio[comparison.degrees <= 200] - 1) < RECOVERED))
-
-    shares = {case: each(sky, case, share, _THREE) for case in _DIMMED}
+    shares = {case: each(sky, case, angular_band("recovered", 1, 201), _THREE) for case in _DIMMED}
     full, dimmed = shares.values()
     return shares, {name: dimmed[name] - full[name] for name in full}
 
@@ -234,10 +228,17 @@ def dimmed_most(sky):
     return finding(growth["SD"], parts, wording)
 
 
-def _share_of_sd(values):
-    """At what share of l or channels SD has the smallest of {name: values}."""
+def _sd_consistently(values, mean, word, where, wording):
+    """The `Finding` on whether SD has the smallest of {name: values} at `CONSISTENT` of the l or channels."""
     rows = zip(*values.values(), strict=True)
-    return float(np.mean([sd_least(dict(zip(values, row, strict=True))) for row in rows]))
+    share = float(np.mean([sd_least(dict(zip(values, row, strict=True))) for row in rows]))
+    means = {name: mean(row) for name, row in values.items()}
+    parts = (
+        Part(f"SD {word} {where.format('95 %')}", share >= CONSISTENT, method="SD"),
+        Part(f"SD {word} on average", sd_least(means), False, "SD"),
+    )
+    wording = f"SD is {word} {where.format(f'{share:.0%}')}; {wording}: {listing(means)}."
+    return finding(share, parts, wording)
 
 
 @claim("A1", "oscillating", "A", "A.1", "share of channels where SD is highest", "1")
@@ -248,14 +249,7 @@ def correlation_highest(sky):
     % of the channels or more: the main part. Another: highest on average over them.
     """
     distances = {short: 1 - sky.assessed(name).correlation for name, short in METHODS.items()}
-    share, means = _share_of_sd(distances), {name: row.mean() for name, row in distances.items()}
-    parts = (
-        Part("SD highest in 95 % of the channels", share >= CONSISTENT, method="SD"),
-        Part("SD highest on average", sd_least(means), False, "SD"),
-    )
-    return finding(
-        share, parts, f"SD is highest in {share:.0%} of the channels; mean 1 - r: {listing(means)}."
-    )
+    return _sd_consistently(distances, np.mean, "highest", "in {} of the channels", "mean 1 - r")
 
 
 @claim("A2", "oscillating", "A", "A.2", "share of l where SD is smallest", "1")
@@ -269,9 +263,4 @@ def variance_smallest(sky):
     for name, short in METHODS.items():
         degrees = sky.of("oscillating")[name].degrees
         values[short] = sky.variance(name)[(degrees >= 10) & (degrees <= 200)]
-    share, means = _share_of_sd(values), {name: np.exp(np.mean(np.log(row))) for name, row in values.items()}
-    parts = (
-        Part("SD smallest at 95 % of the l", share >= CONSISTENT, method="SD"),
-        Part("SD smallest on average", sd_least(means), False, "SD"),
-    )
-    return finding(share, parts, f"SD is smallest at {share:.0%} of the l; mean variance: {listing(means)}.")
+    return _sd_consistently(values, gmean, "smallest", "at {} of the l", "mean variance")

@@ -9,10 +9,17 @@ from himap.measures.diagnostics import BUMP
 from himap.paper.claims.base import (
     BEAMS,
     BLIND,
+    CLEAR,
     CLIPPED,
+    CONSISTENT,
     LEFT_IN,
     LOW_K,
     METHODS,
+    MOST,
+    NOTABLE,
+    RECOVERED,
+    STRONG,
+    Part,
     above,
     angular_band,
     bump,
@@ -20,22 +27,13 @@ from himap.paper.claims.base import (
     each,
     finding,
     frequency_band,
+    is_smaller,
     larger,
+    parts_of,
     quotients,
     sd_least,
     smaller,
     total,
-)
-from himap.paper.claims.verdicts import (
-    CLEAR,
-    CONSISTENT,
-    MOST,
-    NOTABLE,
-    RECOVERED,
-    STRONG,
-    Part,
-    is_smaller,
-    parts_of,
 )
 from himap.paper.methods import BSS
 
@@ -48,13 +46,8 @@ def _with_and_without(sky, beam, measure, methods):
 
 
 def _known(values):
-    """Those numbers of {name: number or None} that are not None, a list."""
-    return [value for value in values.values() if value is not None]
-
-
-def _all_absent(parts):
-    """Whether the premise of every part is absent."""
-    return all(part.held is None for part in parts)
+    """Those that are not None, a list."""
+    return [value for value in values if value is not None]
 
 
 @claim("O8", "oscillating", "4.2", "1", "share of masked voxels that are ripple", "notable")
@@ -74,30 +67,29 @@ def excess_of_masking(sky):
     clips = {"line": "oscillating"} | CLIPPED
     unmasked = each(sky, LEFT_IN.format("oscillating"), measure, BSS)
     masked = {spread: each(sky, case, measure, BSS) for spread, case in clips.items()}
-    gone = {
-        spread: {
+    counts = {spread: sky.masked_voxels(case) for spread, case in clips.items()}
+    shares = {}
+    for spread, row in masked.items():
+        gone = {
             name: 1 - (unmasked[name] - 1) / (value - 1) if value > STRONG else None
             for name, value in row.items()
         }
-        for spread, row in masked.items()
-    }
-    counts = {spread: sky.masked_voxels(case) for spread, case in clips.items()}
-    ripple = {
-        spread: row["foreground"] / max(sum(row.values()), 1) if any(_known(gone[spread])) else None
-        for spread, row in counts.items()
-    }
+        ripple = counts[spread]["foreground"] / max(sum(counts[spread].values()), 1)
+        ripple = ripple if any(_known(gone.values())) else None
+        shares[f", sigma of the {spread}"] = gone | {"ripple": ripple}
     best = {
-        name: max(_known({clip: row[name] for clip, row in gone.items()}), default=None) for name in unmasked
+        name: max(_known(row[name] for row in shares.values()), default=None)
+        for name in (*unmasked, "ripple")
     }
-    most, parts = max(_known(ripple), default=None), ()
-    clipped = {f", sigma of the {spread}": (row, ripple[spread]) for spread, row in gone.items()}
-    for clip, (shares, share) in ({"": (best, most)} | clipped).items():
-        parts += parts_of(shares, above(MOST), f"excess gone without masking{clip}", main=not clip)
-        held = None if share is None else share > NOTABLE
-        parts += (Part(f"ripple among the masked voxels{clip}", held, main=not clip),)
+    parts = ()
+    for clip, row in ({"": best} | shares).items():
+        gone = {name: row[name] for name in unmasked}
+        parts += parts_of(gone, above(MOST), f"excess gone without masking{clip}", main=not clip)
+        ripple = {"ripple": row["ripple"]}
+        parts += parts_of(ripple, above(NOTABLE), f"among the masked voxels{clip}", main=not clip)
     wording = {"Mean C/C0 at l < 10 by the sigma of the clipping": masked, "without masking": unmasked}
     wording |= {"masked voxels by what stands out most": counts}
-    return finding(math.nan if most is None else most, parts, wording)
+    return finding(best["ripple"], parts, wording)
 
 
 @claim("B1", "all three", "4.1, B", "B.3", "smallest ratio of total MSE, without over with", "> 1")
@@ -110,11 +102,11 @@ def unmasked_peaks(sky):
     parts, ratios = (), {}
     for beam in BEAMS:
         masked, unmasked = _with_and_without(sky, beam, total, tuple(METHODS))
-        any_masked = sum(sky.masked_voxels(beam).values())
         ratios[beam] = quotients(unmasked, masked)
-        judged = {name: value if any_masked else None for name, value in ratios[beam].items()}
+        any_masked = any(sky.masked_voxels(beam).values())
+        judged = ratios[beam] if any_masked else dict.fromkeys(ratios[beam])
         parts += parts_of(judged, larger, f"worse, {beam} beam")
-    least = math.nan if _all_absent(parts) else min(min(row.values()) for row in ratios.values())
+    least = min(min(row.values()) for row in ratios.values())
     return finding(least, parts, {"Total MSE without peak masking over that with it": ratios}, "{:.4g}")
 
 
@@ -144,7 +136,7 @@ def broadband_bias(sky):
         parts += parts_of(gone, above(MOST), f"less biased, {beam} beam")
     worst = max(abs(value - 1) for row in masked.values() for value in row.values())
     wording = {"Median P/P0 at k > 0.1 without masking": unmasked, "with it": masked}
-    return finding(math.nan if _all_absent(parts) else worst, parts, wording, "{:.4g}")
+    return finding(worst, parts, wording, "{:.4g}")
 
 
 @claim("B3", "all three", "4.1, B", "B.1", "smallest share of masked voxels on an HI peak", "most")
@@ -156,12 +148,10 @@ def masked_peaks(sky):
     the voxels do. A main part for each beam, without premise where no voxel is masked.
     """
     counts = {beam: sky.masked_voxels(beam) for beam in BEAMS}
-    shares = {
-        beam: row["HI"] / sum(row.values()) if sum(row.values()) else None for beam, row in counts.items()
-    }
+    shares = {beam: row["HI"] / n if (n := sum(row.values())) else None for beam, row in counts.items()}
     parts = parts_of(shares, above(MOST), "beam: most on HI peaks")
-    wording = {"Masked voxels by what stands out most": counts}
-    return finding(min(_known(shares), default=math.nan), parts, wording, "{}")
+    least = min(_known(shares.values()), default=None)
+    return finding(least, parts, {"Masked voxels by what stands out most": counts}, "{}")
 
 
 @claim("M1", "oscillating", "5.1", "5", "share of SD's flagged lines within 15 deg of the plane", "most")
@@ -171,17 +161,16 @@ def flagged_in_plane(sky):
     More than half of the flagged lines of sight of SD lie within 15 deg of the plane, which is 26 % of the
     sky. One part, without premise where none is flagged; the share of the sky that is flagged is shown.
     """
-    flagged, name = sky.flagged("sdecgmca"), "most lie in the plane"
-    if not flagged.any():
-        return finding(math.nan, (Part(name, None, method="SD"),), "No line of sight is flagged.")
+    flagged = sky.flagged("sdecgmca")
     latitude = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged])
-    share = float(np.mean(latitude < _PLANE))
-    return finding(
-        share,
-        (Part(name, share > MOST, method="SD"),),
-        f"{flagged.mean():.2%} of all are flagged; {share:.0%} of these lie within 15 deg of the plane, "
-        f"their median |b| is {np.median(latitude):.0f} deg.",
-    )
+    share, wording = None, "No line of sight is flagged."
+    if flagged.any():
+        share = float(np.mean(latitude < _PLANE))
+        wording = (
+            f"{flagged.mean():.2%} of all are flagged; {share:.0%} of these lie within 15 deg of the plane, "
+            f"their median |b| is {np.median(latitude):.0f} deg."
+        )
+    return finding(share, parts_of({"most lie": share}, above(MOST), "in the plane", method="SD"), wording)
 
 
 @claim("M2", "oscillating", "5.1", "6", "highest P/P0 of SD near k = 0.31, masked", "lower than unmasked")
@@ -192,10 +181,9 @@ def masked_sdecgmca(sky):
     which is a P/P0 above 1.1 there.
     """
     before, after = bump(sky.of("oscillating")["sdecgmca"]), bump(sky.masked("sdecgmca"))
-    peak = before > CLEAR
-    parts = (Part("lower peak", is_smaller(after, before) if peak else None, method="SD"),)
+    lower = is_smaller(after, before) if before > CLEAR else None
     wording = {"Highest P/P0 near k = 0.31": {"without the mask": before, "with it": after}}
-    return finding(after if peak else math.nan, parts, wording, "{:.4g}")
+    return finding(after, [Part("lower peak", lower, method="SD")], wording, "{:.4g}")
 
 
 def _by_mask(sky, measure, methods, *, binned):
@@ -237,26 +225,19 @@ def masked_range(sky):
     0.25, below the peak), it is within 10 % of the truth at 95 % of them or more. With the mask both are
     lower, in the same bins. Two parts, both main, without premise where a range is complete without the mask.
     """
-    both = sky.unmasked("sdecgmca"), sky.masked("sdecgmca")
-    lowest = {"l": both[0].degrees[0], "k": both[0].k[0]}
-    starts = {
-        "l": [_recovered_from(one.degrees, one.angular_ratio, 200) for one in both],
-        "k": [_recovered_from(one.k, one.frequency_ratio, BUMP[0]) for one in both],
+    both, parts, starts = (sky.unmasked("sdecgmca"), sky.masked("sdecgmca")), (), {}
+    curves = {
+        "l": ("smaller l", 200, [(one.degrees, one.angular_ratio) for one in both]),
+        "k": ("lower k", BUMP[0], [(one.k, one.frequency_ratio) for one in both]),
     }
-    parts = ()
-    for axis, word in (("l", "smaller l"), ("k", "lower k")):
-        before, after = starts[axis]
-        held = is_smaller(after, before) if before > lowest[axis] else None
-        parts += (Part(f"SD recovered to {word}", held, method="SD"),)
-    wording = {
-        f"SD is recovered from {axis} =": {
-            "without the mask": before,
-            "with it": after,
-            "lowest": lowest[axis],
-        }
-        for axis, (before, after) in starts.items()
-    }
-    return finding(starts["l"][1] if starts["l"][0] > lowest["l"] else math.nan, parts, wording)
+    for axis, (word, top, pair) in curves.items():
+        before, after = (_recovered_from(*curve, top) for curve in pair)
+        lowest = pair[0][0][0]
+        lower = is_smaller(after, before) if before > lowest else None
+        parts += (Part(f"SD recovered to {word}", lower, method="SD"),)
+        starts[axis] = {"without the mask": before, "with it": after, "lowest": lowest}
+    wording = {f"SD is recovered from {axis} =": row for axis, row in starts.items()}
+    return finding(math.nan if parts[0].held is None else starts["l"]["with it"], parts, wording)
 
 
 def _recovered_from(x, ratios, top):

@@ -8,8 +8,8 @@ from himap.core.errors import InputError
 from himap.instrument.beams.paper import Oscillating
 from himap.paper import cleaned, ledger_table
 from himap.paper.claims import CLAIMS
+from himap.paper.claims.base import not_applicable
 from himap.paper.claims.entries import COLUMNS, entries, finding_rows
-from himap.paper.claims.verdicts import not_applicable
 from himap.paper.grid import cases_of
 from himap.paper.methods import BEAM_AWARE
 from himap.paper.realisation import Realisation
