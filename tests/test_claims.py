@@ -249,6 +249,12 @@ def test_what_does_not_occur_is_an_absent_premise(id):
     assert found.sentence.startswith(sentence)
 
 
+def test_the_voxels_count_where_masking_changes_nothing():
+    """No excess is gone, which is a share of 0 and no absent excess."""
+    parts = holding(found_in("O8", as_with_masking(BSS, ["angular"])), main=True)
+    assert set(parts.values()) == {True, False} and parts["ripple among the masked voxels"] is True
+
+
 @pytest.mark.parametrize(
     ("id", "change"),
     [

@@ -75,7 +75,7 @@ def excess_of_masking(sky):
             for name, value in row.items()
         }
         ripple = counts[spread]["foreground"] / max(sum(counts[spread].values()), 1)
-        ripple = ripple if any(_known(gone.values())) else None
+        ripple = ripple if _known(gone.values()) else None
         shares[f", sigma of the {spread}"] = gone | {"ripple": ripple}
     best = {
         name: max(_known(row[name] for row in shares.values()), default=None)
