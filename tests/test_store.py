@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from himap.core.errors import InputError
@@ -13,12 +14,23 @@ from himap.store import cache
 SURVEY = PRESETS["ci"]
 
 
-def test_a_result_is_computed_once_and_mapped_from_disk(lab):
+@pytest.mark.parametrize("is_large", [False, True])
+def test_a_result_is_computed_once_and_mapped_from_disk_if_it_is_large(lab, monkeypatch, is_large):
+    if is_large:
+        monkeypatch.setattr("himap.store.arrays._MAPPED", 100)
     first, second = lab.base(SURVEY), lab.base(survey=SURVEY, scale=1.0)
     assert lab.computed() == ["base"]
-    assert isinstance(second, np.memmap) and not second.flags.writeable
+    assert isinstance(second, np.memmap) is is_large and not second.flags.writeable
     np.testing.assert_array_equal(first, 2 * np.arange(100))
     assert second.dtype == np.float32
+
+
+def test_small_results_that_somebody_holds_keep_no_file_open(lab):
+    """An ensemble holds thousands, and many a machine lets a process open 1024."""
+    lab.base(SURVEY)
+    before = psutil.Process().num_fds()
+    held = [lab.base(SURVEY) for _ in range(20)]
+    assert len(held) == 20 and psutil.Process().num_fds() == before
 
 
 def test_every_argument_counts(lab):

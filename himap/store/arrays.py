@@ -16,6 +16,7 @@ from himap.core.errors import InputError
 
 TREE = "value.json"
 _KINDS = "biufc"  # of arrays: numbers and bools
+_MAPPED = 2**20  # bytes: a mapped file stays open, and thousands of small ones would be too many
 _ARRAY, _CLASS, _TUPLE, _DICT = "array", "class", "tuple", "dict"
 
 
@@ -42,7 +43,7 @@ def write_value(value, folder):
 
 
 def read_value(folder):
-    """What `write_value` wrote; its arrays are mapped from disk and read-only.
+    """What `write_value` wrote; its arrays are read-only, and large ones mapped from disk.
 
     Raises
     ------
@@ -87,7 +88,11 @@ def _value_of(tree, folder):
     if _ARRAY in tree:
         if not re.fullmatch(r"\d+\.npy", tree[_ARRAY]):
             raise ValueError(f"{tree[_ARRAY]} is no array of this folder")
-        return np.load(folder / tree[_ARRAY], mmap_mode="r", allow_pickle=False)
+        path = folder / tree[_ARRAY]
+        mode = "r" if path.stat().st_size > _MAPPED else None
+        array = np.load(path, mmap_mode=mode, allow_pickle=False)
+        array.flags.writeable = False
+        return array
     if _TUPLE in tree:
         return tuple(_value_of(tree[_TUPLE], folder))
     if _DICT in tree:
