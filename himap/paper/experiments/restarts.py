@@ -128,7 +128,8 @@ def _summary(rows):
         sort=False,
     )
     table.insert(0, "failed", [f"{one.failed} of {one.members}" for one in failures(rows).itertuples()])
-    return table.reset_index().map(lambda value: f"{value:.3g}" if isinstance(value, float) else str(value))
+    texts = table.reset_index().map(lambda value: f"{value:.3g}" if isinstance(value, float) else str(value))
+    return texts.replace("nan", "–")  # what is not measured of many readings
 
 
 EXPERIMENT = Experiment(
