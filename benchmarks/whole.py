@@ -5,6 +5,7 @@
 The light cone, three observations, all methods, ensembles of SDecGMCA through the three beams and with the
 plane dimmed, the scan with one start, masks, the ledger with one start, and every figure. The cache is a
 folder of its own, in the temporary folder of the machine, that is removed: some 40 GB at the paper's size.
+Notebooks and ledger stay if they get a folder.
 """
 
 import json
@@ -39,17 +40,20 @@ COMMANDS = {
 @click.option("--template-dir", type=click.Path(exists=True, resolve_path=True), help="Of the templates.")
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes at once.")
 @click.option("--n-restarts", type=click.IntRange(1), default=8, show_default=True, help="Of an ensemble.")
+@click.option("--folder", type=click.Path(file_okay=False), help="For the notebooks and the ledger.")
 @click.option("-o", "--output", metavar="FILE", type=click.Path(dir_okay=False), help="JSON file to write.")
-def main(preset, galaxy, template_dir, jobs, n_restarts, output):
+def main(preset, galaxy, template_dir, jobs, n_restarts, folder, output):
     """Time the whole paper, and the memory of its processes."""
     sky = Galaxy(source=galaxy, template_dir=template_dir)
     options = ["--preset", preset, "-p", f"galaxy={galaxy}", "--jobs", str(jobs)]
     options += ["-p", f"template_dir={template_dir}"] if template_dir else []
     started, rows = time.monotonic(), []
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as temporary_folder:
+        cache, place = Path(temporary_folder, "cache"), Path(folder or temporary_folder)
+        place.mkdir(parents=True, exist_ok=True)
         for name, command in COMMANDS.items():
             words = command.format(n_restarts=n_restarts).split()
-            rows.append({"step": name} | _run([*words, *options], Path(folder)))
+            rows.append({"step": name} | _run([*words, *options], place, cache))
             click.echo(f"{name:32}{rows[-1]['seconds']:7.0f} s {rows[-1]['memory_gb']:6.1f} GB")
     seconds, memory = sum(row["seconds"] for row in rows), max(row["memory_gb"] for row in rows)
     click.echo(f"{'all':32}{seconds:7.0f} s {memory:6.1f} GB")
@@ -63,11 +67,11 @@ def main(preset, galaxy, template_dir, jobs, n_restarts, output):
             temporary.write_text(json.dumps(content, indent=1) + "\n")
 
 
-def _run(arguments, folder):
-    """{"seconds", "memory_gb"} of a himap command in a folder, whose cache is there too."""
+def _run(arguments, folder, cache):
+    """{"seconds", "memory_gb"} of a himap command in a folder, with a cache of its own."""
     root = str(Path(__file__).resolve().parents[1])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
-    variables = os.environ | {"HIMAP_CACHE": str(folder / "cache"), "PYTHONPATH": path}
+    variables = os.environ | {"HIMAP_CACHE": str(cache), "PYTHONPATH": path}
     started, memory = time.monotonic(), 0
     with subprocess.Popen([sys.executable, "-m", "himap", *arguments], cwd=folder, env=variables) as process:
         while process.poll() is None:

@@ -149,10 +149,12 @@ def test_steps_in_processes_of_their_own(tmp_path, small_trials, monkeypatch):
 def test_all_commands_of_the_paper_in_one(tmp_path, monkeypatch):
     monkeypatch.setattr(whole, "COMMANDS", {"peaks": "run 03_peak_masking"})
     path = tmp_path / "whole.json"
-    done = CliRunner().invoke(whole.main, ["--preset", "ci", "-o", str(path)], catch_exceptions=False)
+    options = ["--preset", "ci", "--folder", str(tmp_path / "kept"), "-o", str(path)]
+    done = CliRunner().invoke(whole.main, options, catch_exceptions=False)
     found = json.loads(path.read_text())
     assert [row["step"] for row in found["commands"]] == ["peaks"] and "peaks" in done.output
     assert found["seconds"] == found["commands"][0]["seconds"] > 0 and 0.1 < found["memory_gb"] < 5
+    assert [one.suffix for one in (tmp_path / "kept").glob("results/03_peak_masking*")] == [".ipynb"]
     monkeypatch.setattr(whole, "COMMANDS", {"ledger": "measure claims --check nothing.json"})
     assert "ended with 2" in CliRunner().invoke(whole.main, ["--preset", "ci"]).output
 
