@@ -36,8 +36,8 @@ def _watch(monkeypatch):
     """The largest number of each product that is there at once."""
     most, make_all = Counter(), cleaned.make_all
 
-    def watched(*args):
-        made = make_all(*args)
+    def watched(*args, **options):
+        made = make_all(*args, **options)
         most.update({name: n - most[name] for name, n in _held().items() if n > most[name]})
         return made
 
