@@ -37,7 +37,9 @@ def built(tmp_path_factory):
         shutil.copy(ROOT / name, folder / "project" / name)
     sdist = _build("sdist", folder / "project", folder)
     with tarfile.open(sdist) as archive:
-        archive.extractall(folder, filter="data")
+        if hasattr(tarfile, "data_filter"):  # since Python 3.11.4
+            archive.extraction_filter = tarfile.data_filter
+        archive.extractall(folder)
     return sdist, _build("wheel", folder / f"himap-{__version__}", folder)
 
 
