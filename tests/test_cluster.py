@@ -6,6 +6,7 @@ import time
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from himap.core.errors import InputError
@@ -41,6 +42,43 @@ def test_errors_come_back(address, monkeypatch, tmp_path):
     too_many = [(CASE, PCA(n_sources=30), True, False)]
     with pytest.raises(InputError, match="n_sources must be at most the number of channels, 20, got 30"):
         make_all(cleaned.assessment, too_many, "test")
+
+
+KILL = """
+import os, signal
+from pathlib import Path
+from himap.removal.pca import PCA
+
+def patched(separate):
+    def fatal(self, *args, **options):
+        try:
+            Path(os.environ["HIMAP_TEST_VICTIM"]).open("x").close()
+        except FileExistsError:
+            return separate(self, *args, **options)
+        os.kill(os.getpid(), signal.SIGKILL)
+    return fatal
+
+if PCA._separate.__name__ != "fatal":  # a worker may load this twice
+    PCA._separate = patched(PCA._separate)
+"""
+
+
+def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
+    """The first worker that cleans kills itself; the results are those of an undisturbed run."""
+    (tmp_path / "fatal.py").write_text(KILL)
+    victim = tmp_path / "victim"
+    monkeypatch.setenv("HIMAP_TEST_VICTIM", str(victim))
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "undisturbed"))
+    expected = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
+    with distributed.LocalCluster(**TWO, preload=[str(tmp_path / "fatal.py")]) as two:
+        monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
+        assert make_all(cleaned.assessment, CALLS, "test") == len(CALLS)
+    assert victim.exists()
+    monkeypatch.delenv(DASK_VARIABLE)
+    found = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
+    assert all(np.array_equal(one, two) for one, two in zip(expected, found, strict=True))
+    assert "unfinished" not in {entry.product for entry in cache.cache_info()}
 
 
 @pytest.mark.filterwarnings("default")

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from himap.core.memory import estimate
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Oscillating
 from himap.paper import cleaned, evidence
@@ -61,6 +62,20 @@ def test_a_cluster_gets_all_cases_at_once(monkeypatch):
     monkeypatch.setattr(cleaned, "dask_address", lambda: "tcp://somewhere:1")
     cleaned.make_by_case(CALLS)
     assert most["observation"] == 4 and _held()["observation"] == 0
+
+
+def test_light_cones_come_first_and_no_more_at_once_than_the_memory_holds(monkeypatch):
+    """In a process that makes one, no other is at work on what else an observation needs."""
+    needed, order, make_all = estimate(SURVEY), [], cleaned.make_all
+
+    def watched(product, calls, *args, at_once=None):
+        order.append((product.name.rpartition(".")[2], at_once))
+        return make_all(product, calls, *args, at_once=at_once)
+
+    monkeypatch.setattr(cleaned, "make_all", watched)
+    monkeypatch.setenv("HIMAP_MAX_MEMORY", f"{1.5 * max(needed.values()) / 1e9:.3f}GB")
+    cleaned.make(CALLS[:4])
+    assert order == [("hi_alms_of_sky", 1), ("peak_masked", 1), ("assessment", None)]
 
 
 def test_what_was_there_before_stays():

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from himap.core import memory
 from himap.core.errors import InputError
 from himap.core.files import cache_folder
 from himap.core.memory import LIMIT_VARIABLE, check_memory, estimate, memory_limit, parse_size
@@ -57,7 +58,7 @@ LARGE_BOX, IN_FILES = replace(PAPER, box_cells=2048), {"steps": ["HI light cone"
             "12GB",
             PAPER,
             {"jobs": 2, "steps": ["cleaning"]},
-            "2 jobs, and 12 GB .* fewer --jobs; --max-memory",
+            "2 jobs, and 12 GB .* fewer --jobs need less.*--max-memory",
         ),
     ],
 )
@@ -114,3 +115,23 @@ def test_the_estimate_is_near_the_peak():
     done = subprocess.run([sys.executable, "-c", PEAK], capture_output=True, text=True, check=True)
     peak, expected = map(float, done.stdout.split())
     assert 0.4 * expected < peak < 1.2 * expected
+
+
+@pytest.mark.parametrize(
+    ("codes", "kills", "expected"),
+    [
+        ([-9, -9], 3, "signal 9 (SIGKILL), because memory ran out"),
+        ([-9], 4, "signal 9 (SIGKILL)"),
+        ([-11], 3, "signal 11 (SIGSEGV)"),
+        ([-11, 3], 3, "signal 11 (SIGSEGV) or exit code 3"),
+        ([-9], None, "signal 9 (SIGKILL)"),
+        ([-40], 3, "signal 40"),
+        ([], 0, "an unknown cause"),
+    ],
+)
+def test_memory_is_a_cause_of_death_only_where_it_ran_out(codes, kills, expected, tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, "_KILLS", tmp_path / "vmstat")
+    if kills is not None:
+        (tmp_path / "vmstat").write_text("pgfault 12\noom_kill 4\nother 7\n")
+        assert memory.memory_kills() == 4
+    assert memory.cause_of_death(codes, kills or 0) == expected

@@ -14,13 +14,15 @@ from jupyter_client.kernelspec import KernelSpec
 
 from himap.core.files import run_folder
 
+_LONGEST = 100  # bytes of the name of a socket; some systems end at 103
+
 
 class _ThroughFiles:
     def __init__(self, **options):
         super().__init__(**options)
-        name = str(run_folder() / uuid4().hex[:8])  # short enough for a socket
+        name = str(run_folder() / uuid4().hex[:8])
         self.connection_file = f"{name}.json"
-        if os.name == "posix":
+        if os.name == "posix" and len(os.fsencode(name)) < _LONGEST:
             self.transport, self.ip = "ipc", name
 
     @property
@@ -36,4 +38,14 @@ class LocalKernelManager(_ThroughFiles, KernelManager):
 
 
 class AsyncLocalKernelManager(_ThroughFiles, AsyncKernelManager):
-    """For papermill."""
+    """For papermill; one that ends by itself leaves its exit code in the class."""
+
+    exit_code = None
+
+    async def _async_is_alive(self):
+        alive = await super()._async_is_alive()
+        if not alive and self.has_kernel:
+            type(self).exit_code = await self.provisioner.poll()
+        return alive
+
+    is_alive = _async_is_alive

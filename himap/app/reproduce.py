@@ -32,6 +32,7 @@ from himap.app.notebooks import find, notebooks
 from himap.app.parameters import check_parameters
 from himap.core.errors import InputError
 from himap.core.files import run_folder
+from himap.core.memory import cause_of_death, memory_kills
 from himap.core.progress import TERMINAL_VARIABLE
 from himap.store.fingerprint import CodeTree, moved
 
@@ -197,7 +198,8 @@ def _execute(notebook, parameters, folder):
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
     node.cells.append(nbformat.v4.new_code_cell(_ABOUT_ITSELF))
-    started, variables = time.monotonic(), _kernel_variables()
+    AsyncLocalKernelManager.exit_code = None
+    started, variables, kills = time.monotonic(), _kernel_variables(), memory_kills()
     try:
         with patch.dict(os.environ, variables):
             done = papermill.execute_notebook(
@@ -217,10 +219,11 @@ def _execute(notebook, parameters, folder):
             f"{notebook.name} stopped in cell [{number}] with {error.ename}: {error.evalue}"
         ) from error
     except RuntimeError as error:
-        if "ernel died" not in str(error):
+        if AsyncLocalKernelManager.exit_code is None:
             raise
-        why = "as happens where memory runs out: try a smaller preset"
-        raise NotebookError(f"the kernel of {notebook.name} died, {why}.") from error
+        cause = cause_of_death([AsyncLocalKernelManager.exit_code], kills)
+        way_out = " Try a smaller preset." if "memory" in cause else ""
+        raise NotebookError(f"the kernel of {notebook.name} died of {cause}.{way_out}") from error
     said = json.loads("".join(output.text for output in done.cells.pop().outputs))
     execution = said | {"seconds": round(time.monotonic() - started, 1)}
     return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters, execution=execution)

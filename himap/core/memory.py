@@ -7,6 +7,9 @@ cleaning are what processes took at the paper's size.
 
 import os
 import re
+import signal
+from contextlib import suppress
+from pathlib import Path
 
 import psutil
 
@@ -22,6 +25,7 @@ PROCESS = 0.5e9
 _UNITS = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
 _LARGEST = 1e15  # bytes that somebody may mean
 _BOXES = 2  # of cells, while HI is made
+_KILLS = Path("/proc/vmstat")  # where Linux counts the processes that it ended for want of memory
 _COLUMNS = 7e9  # bytes of what is transformed at once, and of its transform
 _CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
 
@@ -75,6 +79,32 @@ def check_room(what, n_bytes):
         )
 
 
+def memory_kills():
+    """How many processes Linux has ended for want of memory since it started; 0 where it does not say."""
+    with suppress(OSError, TypeError):
+        return int(re.search(r"^oom_kill (\d+)$", _KILLS.read_text(), re.M)[1])
+    return 0
+
+
+def cause_of_death(codes, kills):
+    """How processes ended: their signals or exit codes, and memory only if it ran out.
+
+    Parameters
+    ----------
+    codes
+        Exit codes, negative for signals.
+    kills
+        `memory_kills` before they started.
+    """
+    names = []
+    for code in sorted(set(codes)):
+        names.append(f"exit code {code}" if code >= 0 else f"signal {-code}")
+        with suppress(ValueError):  # a signal without a name
+            names[-1] += f" ({signal.Signals(-code).name})"
+    out_of_memory = -signal.SIGKILL in codes and memory_kills() > kills
+    return (" or ".join(names) or "an unknown cause") + ", because memory ran out" * out_of_memory
+
+
 def estimate(survey, *, jobs=1, in_files=False):
     """Peak memory by step, {step: bytes}, of a run with `jobs` processes that clean at once.
 
@@ -120,10 +150,14 @@ def check_memory(survey, *, jobs=1, steps=None, in_files=False):
     needs = estimate(survey, jobs=jobs, in_files=in_files)
     step = max(steps or needs, key=needs.get)
     if needs[step] > limit:
-        smaller = "box_cells" if step == "HI light cone" and not in_files else "nside or n_channels"
+        if step == "cleaning" and jobs > 1:
+            way_out = "fewer --jobs need less"
+        else:
+            in_memory = step == "HI light cone" and not in_files
+            way_out = f"a smaller {'box_cells' if in_memory else 'nside or n_channels'} needs less"
         raise InputError(
             f"{step} needs about {needs[step] / 1e9:.3g} GB at nside {survey.nside}, {survey.n_channels} "
-            f"channels, {survey.box_cells}^3 cells and {jobs} jobs, and {limit / 1e9:.3g} GB may be used: a "
-            f"smaller {smaller} needs less, and so do fewer --jobs; --max-memory (the variable "
-            f"{LIMIT_VARIABLE}) sets what may be used."
+            f"channels, {survey.box_cells}^3 cells{f' and {jobs} jobs' if jobs > 1 else ''}, and "
+            f"{limit / 1e9:.3g} GB may be used: {way_out}; so does a machine with more memory, and "
+            f"--max-memory (the variable {LIMIT_VARIABLE}) sets what may be used."
         )

@@ -16,6 +16,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from himap.core.errors import InputError
 from himap.core.files import note_worker, run_folder
+from himap.core.memory import cause_of_death, memory_kills
 from himap.core.progress import progress
 from himap.store import cache
 from himap.store.store import MADE
@@ -111,6 +112,7 @@ def make_all(product, calls, description, *, at_once=None):
 
 def _in_processes(product, missing, jobs):
     """What `_make` returns of each piece of work as it is done; `jobs` processes share the cores."""
+    kills = memory_kills()
     # joblib tells this to every other package with threads. New processes read it when they begin.
     threads = os.environ.get(_TRANSFORM_THREADS) or str(max(1, joblib.cpu_count() // jobs))
     try:
@@ -121,10 +123,11 @@ def _in_processes(product, missing, jobs):
         with patch.dict(os.environ, {_TRANSFORM_THREADS: threads}):
             yield from joblib.Parallel(n_jobs=jobs, **options)(work)
     except TerminatedWorkerError as error:
-        codes = ", ".join(sorted({*re.findall(r"\w+\(-?\d+\)", str(error))}))
+        cause = cause_of_death(map(int, re.findall(r"\((-?\d+)\)", str(error))), kills)
+        more = " with fewer --jobs, or on a machine with more memory" if "memory" in cause else ""
         raise InputError(
-            f"one of {jobs} processes died ({codes}) as it made {product.name}. What was done is kept: run "
-            "the same again, with fewer --jobs if memory ran out."
+            f"one of {jobs} processes died of {cause} as it made {product.name}. What was done is kept: run "
+            f"the same again{more}."
         ) from None
 
 
