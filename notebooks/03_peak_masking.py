@@ -58,7 +58,6 @@ study = Study(
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    keep_separations=False,
 )
 observed = study.observed(selected)
 freqs = observed.freqs

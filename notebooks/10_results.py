@@ -67,7 +67,6 @@ study = Study(
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    keep_separations=False,
     n_restarts=n_restarts,
 )
 n_sources = {"degraded": n_degraded, "evolving": n_evolving, "oscillating": n_oscillating}

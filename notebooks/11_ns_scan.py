@@ -75,7 +75,6 @@ study = Study(
     galaxy=galaxy,
     template_dir=template_dir,
     small_scales=small_scales,
-    keep_separations=False,
     n_restarts=n_restarts,
 )
 counted = [

@@ -89,7 +89,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # which methods converge is 
 quote(post_reading=captions.in_short(removers["sdecgmca"], study.survey.nside, n_restarts))
 
 # %%
-study.prepare({selected: list(removers.values())}, post_mask=True)
+study.prepare({selected: list(removers.values())}, masked=True)
 
 # %% [markdown]
 # ## Flagged lines of sight
@@ -104,7 +104,7 @@ latitude = np.abs(sphere.pixel_latitude(study.survey.nside))
 
 def line_errors(remover):
     """Mean squared error of each line of sight of one member, and which are flagged, (n_pix,)."""
-    errors = study.assessed(selected, remover, post_mask=True).line_errors
+    errors = study.assessed(selected, remover).line_errors
     return errors, diagnostics.flagged_lines(errors)
 
 

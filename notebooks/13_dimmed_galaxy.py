@@ -82,7 +82,6 @@ common = {
     "galaxy": galaxy,
     "template_dir": template_dir,
     "small_scales": small_scales,
-    "keep_separations": False,
     "n_restarts": n_restarts,
 }
 dimming = Dimming(weight=plane_weight, edge=plane_edge)

@@ -19,7 +19,7 @@ from himap.store.parallel import DASK_VARIABLE, check_scheduler, make_all
 distributed = pytest.importorskip("distributed")
 
 CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
-CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3, 4)]
+CALLS = [(CASE, PCA(n_sources=n), True) for n in (1, 2, 3, 4)]
 
 TWO = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
 ONE = TWO | {"n_workers": 1}
@@ -39,7 +39,7 @@ def address(cluster, monkeypatch):
 
 def test_errors_come_back(address, monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-    too_many = [(CASE, PCA(n_sources=30), True, False)]
+    too_many = [(CASE, PCA(n_sources=30), True)]
     with pytest.raises(InputError, match="n_sources must be at most the number of channels, 20, got 30"):
         make_all(cleaned.assessment, too_many, "test")
 

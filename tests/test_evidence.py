@@ -131,10 +131,10 @@ class TestLines:
 
     def test_the_error_of_flagged_lines(self, remover):
         """It is foreground less HI lost; of a method that ends, what is beyond is lost."""
-        found = evidence.error_of_flagged_lines(CASE, remover, True, True)
+        found = evidence.error_of_flagged_lines(CASE, remover)
         residual, truth = centred(cleaned.residual(CASE, remover)), centred(pipeline.truth(CASE))
         error = (residual - truth).astype(float)
-        lines = flagged_lines(cleaned.assessment(CASE, remover, True, True).line_errors)
+        lines = flagged_lines(cleaned.assessment(CASE, remover).line_errors)
         bright = centred(pipeline.observation(CASE).maps - pipeline.truth(CASE)).astype(float)
         values, axes = np.linalg.eigh(bright @ bright.T / bright.shape[1])
         axes = axes[:, values > truth.var(axis=1).sum()]

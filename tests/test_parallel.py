@@ -16,7 +16,7 @@ from himap.removal.pca import PCA
 from himap.store.parallel import JOBS_VARIABLE, make_all, n_jobs
 
 CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
-CALLS = [(CASE, PCA(n_sources=n), True, False) for n in (1, 2, 3)]
+CALLS = [(CASE, PCA(n_sources=n), True) for n in (1, 2, 3)]
 
 
 def test_what_is_missing_is_made_once_and_the_same_by_processes(monkeypatch, tmp_path):

@@ -10,6 +10,7 @@ from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
 from himap.measures.diagnostics import Comparison
 from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
+from himap.paper import cleaned
 from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
 from himap.removal import SDecGMCA
@@ -36,17 +37,17 @@ SKY = Realisation(survey=SURVEY, dimming=DIMMING, n_sources=(2, 3))
 
 
 def test_cases():
-    found = {name: (case.beam, case.dimming, *flags) for name, (case, *flags) in SKY.cases.items()}
+    found = {name: (case.beam, case.dimming, peaks) for name, (case, peaks) in SKY.cases.items()}
     assert found == {
-        "degraded": (Degraded(), None, True, False),
-        "evolving": (Evolving(), None, True, False),
-        "oscillating": (Oscillating(), None, True, True),
-        "degraded, peaks left in": (Degraded(), None, False, False),
-        "evolving, peaks left in": (Evolving(), None, False, False),
-        "oscillating, peaks left in": (Oscillating(), None, False, False),
-        "oscillating, sigma of the channel": (Oscillating(), None, "channel", False),
-        "oscillating, sigma of the cube": (Oscillating(), None, "cube", False),
-        "dimmed": (Oscillating(), DIMMING, True, False),
+        "degraded": (Degraded(), None, True),
+        "evolving": (Evolving(), None, True),
+        "oscillating": (Oscillating(), None, True),
+        "degraded, peaks left in": (Degraded(), None, False),
+        "evolving, peaks left in": (Evolving(), None, False),
+        "oscillating, peaks left in": (Oscillating(), None, False),
+        "oscillating, sigma of the channel": (Oscillating(), None, "channel"),
+        "oscillating, sigma of the cube": (Oscillating(), None, "cube"),
+        "dimmed": (Oscillating(), DIMMING, True),
     }
     assert {case.survey for case, *_ in SKY.cases.values()} == {SURVEY}
 
@@ -63,7 +64,7 @@ def test_every_assessment_that_the_claims_need():
     assert len(calls) == 6 * 7 + 4 * 2 + 3 + 4 + 4
     for case, method, *_ in calls:
         assert getattr(method, "n_sources", None) in (None, TABLE_1[case.beam.name]["n_sources"])
-    assert [peaks for _, _, peaks, _ in calls].count(False) == 3 * 6
+    assert [peaks for _, _, peaks in calls].count(False) == 3 * 6
     assert [(call[1].name, call[1].n_sources) for call in (two, three)] == [("sdecgmca", 2), ("sdecgmca", 3)]
     assert two[0] == SKY.cases["oscillating"][0]
 
@@ -82,7 +83,7 @@ def test_settings_of_the_regularisation_and_as_many_restarts(options, strategy, 
         strategy: {"coefficients": coefficients},
     }
     assert own[1].regularisation == 1e-2 and settings.pop("as it is") == own
-    assert settings == {name: (own[0], replace(own[1], **one), True, False) for name, one in changed.items()}
+    assert settings == {name: (own[0], replace(own[1], **one), True) for name, one in changed.items()}
     expected = [(own[0], replace(own[1], restart=n), *own[2:]) for n in (2, 3, 4, 5)]
     assert sky._restarts(4) == expected
     assert {*settings.values(), *expected} <= set(sky.assessments)
@@ -94,8 +95,8 @@ def test_a_method_without_regularisation_has_no_settings():
 
 
 def test_lines_of_sight_are_left_out_for_what_the_paper_speaks_of():
-    masked = [(case, method.name) for case, method, _, post_mask in SKY.assessments if post_mask]
-    assert list(dict.fromkeys(masked)) == [(SKY.cases["oscillating"][0], name) for name in BSS]
+    masked = [call for product, call in SKY.facts.values() if product is cleaned.post_masked]
+    assert masked == [SKY.calls("oscillating")[name] for name in BSS]
 
 
 def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
@@ -106,8 +107,8 @@ def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
         method = sky.calls(case)["sdecgmca"][1]
         assert (method.depth, method.restart, method.beyond) == (7, 3, "nothing")
     beyond = [call for call in sky.assessments if getattr(call[1], "beyond", "") == "regularised"]
-    assert [(case, *flags) for case, _, *flags in beyond] == [
-        (sky.cases[beam][0], True, False) for beam in ("degraded", "evolving", "oscillating")
+    assert [(case, peaks) for case, _, peaks in beyond] == [
+        (sky.cases[beam][0], True) for beam in ("degraded", "evolving", "oscillating")
     ]
     assert {call[1].depth for call in beyond} == {7}
     assert [method.n_sources for _, method, *_ in sky.assessments[-2:]] == [2, 3]

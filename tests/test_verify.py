@@ -221,6 +221,8 @@ SPECTRUM = np.geomspace(1, 1e-12, 30)
         (WHOLE, np.where(WHOLE == 777, 778, WHOLE), "sha256"),
         (SPECTRUM, SPECTRUM * (1 + 1e-7), ""),
         (SPECTRUM, SPECTRUM + [1e-3, *[0] * 29], "result by"),
+        (np.zeros((0, 3)), np.zeros((0, 3)), ""),
+        (np.zeros((0, 3)), np.zeros((0, 4)), "kind"),
         (1.0, 1.001, "result by"),
     ],
 )

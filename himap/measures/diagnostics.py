@@ -146,9 +146,6 @@ class Assessment:
         Pearson r with the truth in every channel, (n_channels,).
     line_errors
         Mean squared error of every line of sight, (n_pix,), mK^2.
-    masked, masked_truth
-        `PowerSpectra` of residual and truth without the lines of sight of `flagged_lines`; None unless asked
-        for.
     converged, n_iterations
         As in `himap.removal.base.Separation`.
     mixing
@@ -163,8 +160,6 @@ class Assessment:
     power_spectra: PowerSpectra
     correlation: np.ndarray
     line_errors: np.ndarray
-    masked: PowerSpectra | None
-    masked_truth: PowerSpectra | None
     converged: bool
     n_iterations: int
     mixing: np.ndarray

@@ -103,49 +103,61 @@ def difference(case, one, other):
 
 
 @product
-def assessment(case, remover, mask_peaks=True, post_mask=False):
+def assessment(case, remover, mask_peaks=True):
     """The `Assessment` of the residual of a case, separated as in `separation`, against the truth.
 
-    No cube but the truth is there for it: all follows from the error, which is a few spectra times maps. With
-    `post_mask` the lines of sight whose error stands out are left out of a second pair of spectra (paper,
-    Sect. 5.1). A method that ends at some l is compared with the truth at every l all the same, and lacks
-    what is beyond: its `cut_truth` is a second measure.
+    No cube but the truth is there for it: all follows from the error, which is a few spectra times maps. A
+    method that ends at some l is compared with the truth at every l all the same, and lacks what is beyond:
+    its `cut_truth` is a second measure.
     """
     found = separation(case, remover, mask_peaks)
     wrong, lmax, width = error_of(case, found, mask_peaks), found.lmax, case.survey.channel_width
-    truth, alms, spectra = pipeline.truth(case), pipeline.truth_alms(case), pipeline.true_spectra(case)
-    low, low_alms, cut = truth, alms, None
+    truth, spectra, cut = pipeline.truth(case), pipeline.true_spectra(case), None
+    low, alms = _truth_upto(case, lmax)
     if lmax is not None:
-        low_alms = pipeline.truth_alms(case, lmax)
-        low = sphere.synthesise_cube(low_alms, case.survey.nside, n_channels=len(alms), label="truth")
-        cut = pipeline.spectra_of(low, low_alms, width)
+        cut = pipeline.spectra_of(low, alms, width)
     moments, errors = Moments.of(low, wrong), line_errors(wrong)
     correlation = moments.correlation
     if cut is not None:
         errors, correlation = _against_all(low, wrong, truth)
-    masked = masked_truth = None
-    if post_mask:
-        mask = ~diagnostics.flagged_lines(errors)
-        masked, masked_truth = masked_spectra(case, truth, wrong, mask, alms)
-        if cut is not None:  # a mask mixes multipoles
-            padded = sphere.alms_padded(low_alms, case.survey.lmax)
-            masked, _ = masked_spectra(case, low, wrong, mask, padded)
-            masked = replace(masked, angular=masked.angular.upto(lmax))
     return Assessment(
         power_spectra=PowerSpectra(
-            angular=angular_power_pair(low_alms, wrong)[0],
+            angular=angular_power_pair(alms, wrong)[0],
             frequency=moments.frequency_power((cut or spectra).frequency, width),
         ),
         correlation=correlation,
         line_errors=errors,
-        masked=masked,
-        masked_truth=masked_truth,
         converged=found.converged,
         n_iterations=found.n_iterations,
         mixing=found.mixing,
         cut_truth=cut,
         diagnostics=found.diagnostics,
     )
+
+
+def _truth_upto(case, lmax):
+    """The truth up to `lmax`, or all of it, and its coefficients."""
+    alms = pipeline.truth_alms(case, lmax)
+    if lmax is None:
+        return pipeline.truth(case), alms
+    return sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="truth"), alms
+
+
+@product
+def post_masked(case, remover, mask_peaks=True):
+    """`PowerSpectra` of residual and truth without the lines of sight whose error stands out, a pair.
+
+    These are the `flagged_lines` of its `assessment` (paper, Sect. 5.1).
+    """
+    lmax = separation(case, remover, mask_peaks).lmax
+    mask = ~diagnostics.flagged_lines(assessment(case, remover, mask_peaks).line_errors)
+    wrong, (truth, alms) = error(case, remover, mask_peaks), _truth_upto(case, None)
+    masked, masked_truth = masked_spectra(case, truth, wrong, mask, alms)
+    if lmax is not None:  # a mask mixes multipoles
+        low, alms = _truth_upto(case, lmax)
+        masked, _ = masked_spectra(case, low, wrong, mask, sphere.alms_padded(alms, case.survey.lmax))
+        masked = replace(masked, angular=masked.angular.upto(lmax))
+    return masked, masked_truth
 
 
 def _against_all(low, wrong, truth):
@@ -179,11 +191,10 @@ def masked_spectra(case, true, error, mask, alms=None):
 def compared(*call, masked=False):
     """The `Comparison` of the residual with the truth, of arguments of `assessment`.
 
-    With `masked`, without the lines of sight whose error stands out, which `post_mask` must ask for.
+    With `masked`, without the lines of sight whose error stands out, in the residual and in the truth.
     """
-    result, (case, *_) = assessment(*call), call
-    unmasked = result.power_spectra, pipeline.true_spectra(case)
-    pair = (result.masked, result.masked_truth) if masked else unmasked
+    case, *_ = call
+    pair = post_masked(*call) if masked else (assessment(*call).power_spectra, pipeline.true_spectra(case))
     return Comparison.of(*pair, l_top=2 * case.survey.nside)
 
 

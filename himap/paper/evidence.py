@@ -124,7 +124,7 @@ def _spectra_with(components, case, remover):
 
 
 @product
-def error_of_flagged_lines(case, remover, mask_peaks=True, post_mask=False):
+def error_of_flagged_lines(case, remover, mask_peaks=True):
     """What the error of a component method consists of on the lines of sight that it flags.
 
     The foreground's spectra are those principal spectra of the true foreground through the beam that each
@@ -139,7 +139,7 @@ def error_of_flagged_lines(case, remover, mask_peaks=True, post_mask=False):
         "truth" and "truth in spectra".
     """
     lmax = cleaned.separation(case, remover, mask_peaks).lmax
-    lines = diagnostics.flagged_lines(cleaned.assessment(case, remover, mask_peaks, post_mask).line_errors)
+    lines = diagnostics.flagged_lines(cleaned.assessment(case, remover, mask_peaks).line_errors)
     residual, loss = (part.lines(lines) for part in leakage.split_error(case, remover, mask_peaks))
     truth = _of_lines(pipeline.truth(case), lines)
     if lmax is not None:  # what the truth has beyond is signal loss

@@ -5,11 +5,9 @@ C/C0 near 1 is no proof that HI is kept: signal loss and foreground residual may
 
 import numpy as np
 
-from himap.maps import sphere
-from himap.maps.low_rank import LowRankCube, centred, projection
+from himap.maps.low_rank import LowRankCube, projection
 from himap.measures.transfer import TransferFunction, expected_mock_power, mock_power, quotient
 from himap.paper import cleaned, pipeline
-from himap.removal.analysis import cube_modes
 from himap.removal.smooth_spectra import FilteredSeparation
 from himap.removal.spectral_filter import filtered, through_beams
 from himap.store.store import product
@@ -36,18 +34,16 @@ def split_error(case, remover, mask_peaks=True):
     mask_peaks
         As in `cleaned.separation`.
     """
-    observed, found = pipeline.observation(case), cleaned.separation(case, remover, mask_peaks)
-    known = pipeline.basis(case, mask_peaks) - observed.maps  # first, for both are far brighter than HI
-    known += observed.truth
-    known = centred(known)
-    if found.lmax is not None:
-        known = sphere.cut_cube(known, found.lmax)
+    found = cleaned.separation(case, remover, mask_peaks)
+    signal = case, mask_peaks, found.lmax
+    known = pipeline.signal(*signal)
     if isinstance(found, FilteredSeparation):
-        filter_ = found.filter
-        hi_lost = filtered(filter_.spectra, filter_.estimators, known, cube_modes(known))
+        filter_, modes = found.filter, pipeline.signal_analysed(*signal)
+        hi_lost = filtered(filter_.spectra, filter_.estimators, known, modes)
     elif "beams" in remover.uses:
-        relative = observed.beams / observed.beams.max(axis=0)
-        hi_lost = through_beams(known, found.mixing, relative, cube_modes(known))
+        beams = pipeline.observation(case).beams
+        modes = pipeline.signal_analysed(*signal)
+        hi_lost = through_beams(known, found.mixing, beams / beams.max(axis=0), modes)
     else:
         basis = np.linalg.qr(found.mixing)[0]
         hi_lost = LowRankCube(spectra=basis, maps=projection(basis.T, known))

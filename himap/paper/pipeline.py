@@ -143,6 +143,23 @@ def basis(case, mask_peaks):
     return peak_masked(case, mask_peaks).maps
 
 
+def signal(case, mask_peaks=True, lmax=None):
+    """HI and noise as they are in `basis`, less their channel means, up to `lmax`: the truth less what peak
+    masking took; (n_channels, n_pix) float32, mK, not kept.
+    """
+    observed = observation(case)
+    maps = basis(case, mask_peaks) - observed.maps  # first, for both are far brighter than HI
+    maps += observed.truth
+    maps = centred(maps)
+    return maps if lmax is None else sphere.cut_cube(maps, lmax)
+
+
+@product
+def signal_analysed(case, mask_peaks=True, lmax=None):
+    """The `CubeModes` of `signal`, which methods with a beam share."""
+    return cube_modes(signal(case, mask_peaks, lmax))
+
+
 @product
 def foreground_seen(case):
     """The foreground through the beam, a `HarmonicModes`: what an observation is more than its truth."""
@@ -170,7 +187,7 @@ def foreground_analysed(case, mask_peaks=True):
 
 
 OF_SKIES = (hi_of_sky, hi_alms_of_sky, noise_alms, foreground_modes_of_sky)
-OF_CASES = (observation, peak_masked, analysis, foreground_seen, foreground_analysed)
+OF_CASES = (observation, peak_masked, analysis, signal_analysed, foreground_seen, foreground_analysed)
 """Products as large as a cube, of a sky and of a case of it: what disks are too small for."""
 
 

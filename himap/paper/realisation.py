@@ -69,15 +69,12 @@ class Realisation:
 
     @cached_property
     def cases(self):
-        """{case: (`pipeline.Case`, `mask_peaks`, whether spectra are post-masked too)}.
-
-        `mask_peaks` is as of `pipeline.basis`.
-        """
+        """{case: (`pipeline.Case`, `mask_peaks`)}, which is as of `pipeline.basis`."""
         observed = dict(zip(BEAMS, map(self._case, (Degraded(), Evolving(), self.oscillating)), strict=True))
-        masked = {beam: (case, True, beam == "oscillating") for beam, case in observed.items()}
-        left_in = {LEFT_IN.format(beam): (case, False, False) for beam, case in observed.items()}
-        clipped = {name: (observed["oscillating"], spread, False) for spread, name in CLIPPED.items()}
-        dimmed = self._case(self.oscillating, self.dimming), True, False
+        masked = {beam: (case, True) for beam, case in observed.items()}
+        left_in = {LEFT_IN.format(beam): (case, False) for beam, case in observed.items()}
+        clipped = {name: (observed["oscillating"], spread) for spread, name in CLIPPED.items()}
+        dimmed = self._case(self.oscillating, self.dimming), True
         return masked | left_in | clipped | {"dimmed": dimmed}
 
     @property
@@ -95,10 +92,11 @@ class Realisation:
         return {
             "brightness": (evidence.sky_brightness, (self.survey.sky, self.galaxy)),
             **{("noise", beam): (evidence.noise_and_hi, self.cases[beam][:1]) for beam in BEAMS},
-            **{("voxels", case): (evidence.masked_voxels, self.cases[case][:2]) for case in voxels},
+            **{("voxels", case): (evidence.masked_voxels, self.cases[case]) for case in voxels},
             "no sources": (evidence.spectra_without_sources, self.calls("degraded")["parametric"][:2]),
             "flagged": (evidence.error_of_flagged_lines, calls["sdecgmca"]),
-            **{("lines", name): (evidence.peak_without_lines, calls[name][:3]) for name in BSS},
+            **{("lines", name): (evidence.peak_without_lines, calls[name]) for name in BSS},
+            **{("masked", name): (cleaned.post_masked, calls[name]) for name in BSS},
         }
 
     def _fact(self, what):
@@ -110,10 +108,10 @@ class Realisation:
 
         The two fits are not among them where peaks are measured in another deviation.
         """
-        observed, peaks, post = self.cases[case]
+        observed, peaks = self.cases[case]
         methods = methods_for(observed.beam, method=self.method, **self._options)
         return {
-            name: (observed, method, peaks, post and name in BSS)
+            name: (observed, method, peaks)
             for name, method in zip(METHODS, methods, strict=True)
             if name in BSS or case not in CLIPPED.values()
         }
@@ -124,14 +122,14 @@ class Realisation:
         if not hasattr(method, "beyond"):
             return call
         try:
-            return observed, self._in_place(observed.beam, beyond="regularised"), True, False
+            return observed, self._in_place(observed.beam, beyond="regularised"), True
         except InputError:  # its last S has no regularisation that could be carried on
-            return observed, self._in_place(observed.beam, beyond="projection"), True, False
+            return observed, self._in_place(observed.beam, beyond="projection"), True
 
     def scan_calls(self):
         """{n_sources: arguments of `cleaned.assessment`}."""
         case = self.cases["oscillating"][0]
-        return {n: (case, self._in_place(case.beam, n_sources=n), True, False) for n in self.n_sources}
+        return {n: (case, self._in_place(case.beam, n_sources=n), True) for n in self.n_sources}
 
     def _settings(self):
         """{setting of SDecGMCA's regularisation: arguments of `cleaned.assessment`}, its own among them.
@@ -145,7 +143,7 @@ class Realisation:
         changes |= {f"strategy {n}": {"coefficients": name} for name, n in STRATEGIES.items()}
         other = {label: self._in_place(case.beam, **changed) for label, changed in changes.items()}
         own = {label: one for label, one in other.items() if one != method}
-        return {"as it is": call} | {label: (case, one, True, False) for label, one in own.items()}
+        return {"as it is": call} | {label: (case, one, True) for label, one in own.items()}
 
     def _restarts(self, n):
         """Arguments of `cleaned.assessment` for this start and those after it, `n` in all, a list."""

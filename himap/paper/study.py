@@ -16,7 +16,6 @@ from himap.paper import cleaned, pipeline
 from himap.removal.restarts import has_restarts
 from himap.sky.galaxy import Dimming, Galaxy
 from himap.store.provenance import Provenance
-from himap.store.store import temporary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,9 +30,6 @@ class Study:
         Which Galaxy, as in `Galaxy`.
     dimming
         A `Dimming` of the foregrounds along the Galactic plane, or None.
-    keep_separations
-        Whether what methods find is kept where only what is measured on it is asked for (`assessed`,
-        `prepare`): figures of a method need it.
     n_restarts
         Of a chaotic method; each of them is a method of its own, `members`.
     """
@@ -44,7 +40,6 @@ class Study:
     template_dir: str | None = None
     small_scales: bool = True
     dimming: Dimming | None = None
-    keep_separations: bool = True
     n_restarts: int = 1
 
     def __post_init__(self):
@@ -64,11 +59,6 @@ class Study:
     def milky_way(self):
         """The `Galaxy`."""
         return Galaxy(source=self.galaxy, template_dir=self.template_dir, small_scales=self.small_scales)
-
-    @property
-    def _keeping(self):
-        """A context in which separations stay in the cache if the study keeps them."""
-        return temporary(*(() if self.keep_separations else (cleaned.separation,)))
 
     def case(self, beam):
         """The `Case` of one `Beam`.
@@ -97,18 +87,16 @@ class Study:
         self.separation(beam, remover, mask_peaks=mask_peaks)
         return cleaned.residual(self.case(beam), remover, mask_peaks, channels)
 
-    def assessed(self, beam, remover, *, mask_peaks=True, post_mask=False):
-        """How well `remover` did, an `Assessment`; keeps what was found if the study does."""
-        with self._keeping:
-            return cleaned.assessment(self.case(beam), remover, mask_peaks, post_mask)
+    def assessed(self, beam, remover, *, mask_peaks=True):
+        """How well `remover` did, an `Assessment`."""
+        return cleaned.assessment(self.case(beam), remover, mask_peaks)
 
     def compared(self, beam, remover, *, mask_peaks=True, masked=False):
         """Both spectra against the truth, a `Comparison`.
 
         With `masked`, without the lines of sight whose error stands out, in the residual and in the truth.
         """
-        with self._keeping:
-            return cleaned.compared(self.case(beam), remover, mask_peaks, masked, masked=masked)
+        return cleaned.compared(self.case(beam), remover, mask_peaks, masked=masked)
 
     def members(self, remover):
         """`remover` from each of `n_restarts` starts, its own first; one without restarts alone: a list."""
@@ -125,9 +113,7 @@ class Study:
         members = self.members(remover)
         if len(members) == 1:
             return remover
-        with self._keeping:
-            ensemble = cleaned.ensemble([(self.case(beam), member) for member in members])
-        return members[ensemble.medoid_index]
+        return members[cleaned.ensemble([(self.case(beam), member) for member in members]).medoid_index]
 
     def stamped(self, figure, **parameters):
         """The figure with a line that says where it comes from, `parameters` of the figure included.
@@ -139,19 +125,19 @@ class Study:
         made = Provenance.of(self.survey, galaxy=self.milky_way, preset=self.preset, parameters=parameters)
         return plotting.stamp(figure, made)
 
-    def prepare(self, removers, *, mask_peaks=True, post_mask=False):
+    def prepare(self, removers, *, mask_peaks=True, masked=False):
         """Assess the members of {beam: [method, ...]} in as many processes as `himap run --jobs` says.
 
-        Results are kept.
+        With `masked` what `compared` makes with it, too.
         """
         calls = [
-            (self.case(beam), member, mask_peaks, post_mask)
+            (self.case(beam), member, mask_peaks)
             for beam, methods in removers.items()
             for method in methods
             for member in self.members(method)
         ]
-        with self._keeping:
-            cleaned.make([(cleaned.assessment, call) for call in calls])
+        wanted = (cleaned.assessment, cleaned.post_masked)[: 1 + masked]
+        cleaned.make([(one, call) for one in wanted for call in calls])
 
     def check(self, removers):
         """Refuse methods that do not fit the survey now, not after the simulation.

@@ -140,7 +140,8 @@ def summary(value):
         flat = flat.view(flat.real.dtype) if value.dtype.kind == "c" else flat
         flat = flat.astype(float)
         places = np.linspace(0, len(flat) - 1, min(_N_SAMPLES, len(flat))).astype(int)
-        squares = [np.sqrt(np.mean(part**2)) for part in np.array_split(flat, len(places)) if len(part)]
+        parts = np.array_split(flat, len(places)) if len(flat) else []
+        squares = [np.sqrt(np.mean(part**2)) for part in parts]
         return {"kind": kind, "at": list(map(_round, flat[places])), "rms": list(map(_round, squares))}
     if isinstance(value, (np.generic, np.ndarray)):
         value = value.item()
@@ -187,6 +188,8 @@ def _worst(stored, given, is_single):
     one, other = np.array(stored, dtype=float), np.array(given, dtype=float)
     if one.shape != other.shape or not np.array_equal(np.isnan(one), np.isnan(other)):
         return np.inf
+    if not one.size:
+        return 0.0
     known = ~np.isnan(one) & (one != other)
     common = np.sqrt(np.nanmean(one**2)) if is_single else np.nanmedian(np.abs(one))
     scale = np.maximum(np.abs(one), common)[known]
