@@ -28,10 +28,14 @@ class Measured:
 
 
 def memory_of(pid):
-    """Resident memory of a process and its children, bytes, mapped files included; 0 once one has ended."""
+    """Resident memory of a process and its children, bytes, mapped files included; 0 once one has ended.
+
+    On Linux pages that several of them share, such as those of a file, count once (proportional set size).
+    """
     with suppress(psutil.NoSuchProcess):
         root = psutil.Process(pid)
-        return sum(one.memory_info().rss for one in [root, *root.children(recursive=True)])
+        several = [one.memory_full_info() for one in [root, *root.children(recursive=True)]]
+        return sum(getattr(one, "pss", one.rss) for one in several)
     return 0
 
 

@@ -64,8 +64,8 @@ from himap.maps import sphere
 from himap.maps.low_rank import centred
 from himap.measures import diagnostics
 from himap.measures.spectra import angular_power
-from himap.paper import captions, pipeline
-from himap.paper.leakage import split_error
+from himap.paper import captions, cleaned, pipeline
+from himap.paper.leakage import error_parts
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import both_figure, ensemble_style
@@ -89,7 +89,9 @@ warnings.simplefilter("ignore", SeparationWarning)  # which methods converge is 
 quote(post_reading=captions.in_short(removers["sdecgmca"], study.survey.nside, n_restarts))
 
 # %%
-study.prepare({selected: list(removers.values())}, masked=True)
+component = [remover for remover in removers.values() if hasattr(remover, "n_sources")]
+study.prepare({selected: list(removers.values())}, cleaned.post_masked)
+study.prepare({selected: component}, error_parts)
 
 # %% [markdown]
 # ## Flagged lines of sight
@@ -237,26 +239,20 @@ def percentile(values, lines):
 
 brightness, variance = (observation.maps - observation.truth).mean(axis=0), observation.truth.var(axis=0)
 top = -(-len(observation.freqs) // 10)
-component = [remover for remover in removers.values() if hasattr(remover, "n_sources")]
 parts, by_member = {}, {}
 
 
 def parts_row(remover):
     """Both parts of the error on the flagged lines of sight of one member; keeps its rms in every channel."""
-    foreground, hi_lost = split_error(study.case(selected), remover)
-    lines = line_errors(remover)[1]
-    mean_squares = {
-        "foreground residual": foreground.mean_squares(lines),
-        "signal loss": hi_lost.mean_squares(lines),
-        "truth": np.mean(truth[:, lines] ** 2, axis=1),
-    }
-    for what, squares in mean_squares.items():
+    mean_squares, lines = error_parts(study.case(selected), remover), line_errors(remover)[1]
+    shown = {name: mean_squares[name]["flagged"] for name in ("foreground residual", "signal loss")}
+    for what, squares in (shown | {"truth": np.mean(truth[:, lines] ** 2, axis=1)}).items():
         parts.setdefault(remover.name, {}).setdefault(what, []).append(np.sqrt(squares))
-    power = (foreground + -hi_lost).mean_squares(lines)
+    power = mean_squares["error"]["flagged"]
     return {
-        f"{what}, {where} [mK]": (np.sqrt(cube.mean_squares(chosen).mean()), 0.0005)
-        for where, chosen in (("flagged", lines), ("others", ~lines))
-        for what, cube in (("residual", foreground), ("loss", hi_lost))
+        f"{name}, {where} [mK]": (np.sqrt(mean_squares[what][where].mean()), 0.0005)
+        for where in ("flagged", "others")
+        for name, what in (("residual", "foreground residual"), ("loss", "signal loss"))
     } | {
         "last tenth of the band [%]": (100 * power[-top:].sum() / power.sum(), 1),
         "foreground, percentile": (percentile(brightness, lines), 1),

@@ -56,6 +56,7 @@ plane_edge: float = 15.0  # latitude beyond which nothing is dimmed, deg
 
 # %% tags=["hide-input"]
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
@@ -64,13 +65,12 @@ from himap.figures.numbers import of_restarts, quote, show_table
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures.diagnostics import inside
-from himap.measures.spectra import frequency_power
 from himap.paper import captions, pipeline
-from himap.paper.leakage import split_error
+from himap.paper.evidence import spectra_with
+from himap.paper.leakage import error_parts
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import both_figure, ensemble_style
-from himap.removal import peaks
 from himap.removal.base import SeparationWarning
 from himap.removal.pca import PCA
 from himap.sky.emission import emission_maps
@@ -94,8 +94,10 @@ warnings.simplefilter("ignore", SeparationWarning)  # which methods converge is 
 quote(dimmed_reading=captions.in_short(removers[3], full.survey.nside, n_restarts))
 
 # %%
+component = [remover for remover in removers if hasattr(remover, "n_sources")]
 for study in (full, dimmed):
     study.prepare({selected: removers})
+    study.prepare({selected: component}, error_parts)
 
 # %% [markdown]
 # ## The weight
@@ -248,22 +250,17 @@ quote(
 # %% tags=["hide-input"]
 def parts_of(remover):
     """Rms of both parts of the error of one member, with the full Galaxy and the dimmed one."""
-    errors = {
-        name: [np.sqrt(part.mean_squares().mean()) for part in split_error(study.case(selected), remover)]
+    return {
+        f"{what}, {name} [mK]": (
+            np.sqrt(error_parts(study.case(selected), remover)[what]["all"].mean()),
+            0.0005,
+        )
+        for what in ("foreground residual", "signal loss")
         for name, study in (("full", full), ("dimmed", dimmed))
     }
-    return {
-        f"{what}, {name} [mK]": (rms[n], 0.0005)
-        for n, what in enumerate(("foreground residual", "signal loss"))
-        for name, rms in errors.items()
-    }
 
 
-parts = {  # of each member
-    remover: [parts_of(member) for member in full.members(remover)]
-    for remover in removers
-    if hasattr(remover, "n_sources")
-}
+parts = {remover: [parts_of(member) for member in full.members(remover)] for remover in component}
 lost = {
     styles.method_style(remover)["label"]: over_restarts(remover, rows) for remover, rows in parts.items()
 }
@@ -307,22 +304,13 @@ quote(
 # right panel the edge. The peak and the excess at low $k_\nu$ shrink with both; look how much of the peak
 # remains.
 
+
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
-observation = full.observed(selected)
-nside = full.survey.nside
-
-
 def ratio_of(dimming):
     """P/P0 of PCA on the same HI and noise with foregrounds dimmed in another way; no map is kept."""
-    bright = pipeline.foreground_modes_of_sky(full.survey.sky, full.case(selected).galaxy, dimming)
-    channels = zip(bright.spectra, observation.beams, strict=True)
-    alms = (sphere.multiply_beam(row @ bright.alms, beam) for row, beam in channels)
-    maps = sphere.synthesise_cube(alms, nside, n_channels=len(observation.freqs), label="dimmed foregrounds")
-    maps += observation.truth
-    flat = peaks.mask_peaks(maps, observation.freqs).maps
-    residual = PCA(n_sources=n_sources).clean(maps, freqs=observation.freqs, separate_on=flat).residual
-    true = full.truth(selected).frequency.power
-    return (frequency_power(residual, observation.channel_width).power / true)[1:]
+    bright = pipeline.foreground_seen(replace(full.case(selected), dimming=dimming))
+    spectra = spectra_with(bright, full.case(selected), PCA(n_sources=n_sources))
+    return (spectra.frequency.power / full.truth(selected).frequency.power)[1:]
 
 
 k = full.truth(selected).frequency.k[1:]

@@ -7,9 +7,10 @@ from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
 from himap.maps.low_rank import centred
+from himap.measures.diagnostics import flagged_lines
 from himap.measures.transfer import TransferFunction
 from himap.paper import cleaned, pipeline
-from himap.paper.leakage import corrected, decompose, expected_loss, ratios, split_error
+from himap.paper.leakage import corrected, decompose, error_parts, expected_loss, ratios, split_error
 from himap.paper.mocks import own_recovery
 from himap.removal import PCA, BeamSubspace, SDecGMCA, SmoothSpectra
 
@@ -21,6 +22,7 @@ FILTER = SmoothSpectra(n_sources=3, n_smooth=5)
 SHORT = {"n_warmup": 4, "n_refinement": 2, "n_sources": 3}
 ENDING = SDecGMCA(reading="letter", lmax=10, **SHORT)
 LOW = slice(2, 11)
+PARTS = "foreground residual", "signal loss"
 
 
 def power_of(cube):
@@ -94,3 +96,15 @@ def test_corrected_is_divided_by_what_is_expected():
     for kind in ("angular", "frequency"):
         assert found[kind] * getattr(share, kind) == pytest.approx(ratios(parts, kind)["recovered"])
     assert share.angular.max() < 1
+
+
+def test_mean_squares_of_the_parts_are_of_the_flagged_lines_of_the_others_and_of_all():
+    found, parts = error_parts(CASE, AWARE), dict(zip(PARTS, split_error(CASE, AWARE), strict=True))
+    lines = flagged_lines(cleaned.assessment(CASE, AWARE).line_errors)
+    assert 0 < lines.sum() < len(lines) / 2
+    cubes = {name: part.cube().astype(float) for name, part in parts.items()}
+    cubes["error"] = cubes[PARTS[0]] - cubes[PARTS[1]]
+    for name, cube in cubes.items():
+        for place, pixels in (("flagged", lines), ("others", ~lines), ("all", slice(None))):
+            expected = np.mean(cube[:, pixels] ** 2, axis=1)
+            assert found[name][place] == pytest.approx(expected, rel=1e-3), (name, place)

@@ -108,6 +108,7 @@ _PRODUCTS = {
     masked.separation: [(CASE, PLAIN, REGION), (CASE, AWARE, REGION)],
     masked.compared: [(CASE, PLAIN, REGION, way) for way in masked.WAYS],
     masked.by_depth: [(CASE, PLAIN, REGION, "inside")],
+    leakage.error_parts: [(CASE, PLAIN)],
     leakage.decompose: [(CASE, PLAIN), (CASE, SmoothSpectra())],
     leakage.expected_loss: [(CASE, SmoothSpectra())],
     authors.member: [(RIPPLE_CASE, SDecGMCA(**ONCE, beyond="cut"))],

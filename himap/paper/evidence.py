@@ -4,14 +4,14 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.maps.low_rank import blocks
+from himap.maps.low_rank import in_threads
 from himap.measures import diagnostics
 from himap.measures.low_rank_spectra import Moments, angular_power_pair
 from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.paper import cleaned, leakage, pipeline
 from himap.removal import harmonic
 from himap.removal.cleaning import Cleaning
-from himap.removal.peaks import smooth_baselines
+from himap.removal.peaks import baseline_basis
 from himap.removal.spectral_filter import on_sky, seen_through
 from himap.sky.emission import emission_maps, emission_modes
 from himap.store.store import product
@@ -59,19 +59,21 @@ def masked_voxels(case, spread=True):
     """
     observed, flagged = pipeline.observation(case), pipeline.peak_masked(case, spread).flagged
     lines = np.flatnonzero(flagged.any(axis=0))
-    counts = np.zeros(len(STANDING_OUT), dtype=int)
-    seen = pipeline.hi_seen(case)
-    for block in blocks(len(lines)):
-        hi, truth = seen[:, lines[block]], observed.truth[:, lines[block]]
-        parts = (hi, truth - hi, observed.maps[:, lines[block]] - truth)
-        masked = flagged[:, lines[block]]
-        out = np.empty((len(parts), np.count_nonzero(masked)))
+    seen, basis = pipeline.hi_seen(case), baseline_basis(observed.freqs)
+
+    def count(block):
+        pixels = lines[block]
+        masked, hi, truth = (cube[:, pixels] for cube in (flagged, seen, observed.truth))
+        out = np.empty((len(STANDING_OUT), np.count_nonzero(masked)))
+        parts = hi, truth - hi, observed.maps[:, pixels] - truth
         for part, row in zip(parts, out, strict=True):  # in float64, of one at a time
-            baselines = smooth_baselines(part, observed.freqs)
-            row[:] = (part - baselines.basis @ baselines.first)[masked]
+            part = part.astype(np.float64)
+            part -= basis @ (basis.T @ part)
+            row[:] = part[masked]
         largest = np.argmax(out * np.sign(out.sum(axis=0)), axis=0)
-        counts += np.bincount(largest, minlength=len(STANDING_OUT))
-    return counts
+        return np.bincount(largest, minlength=len(STANDING_OUT))
+
+    return sum(in_threads(count, len(lines), "peaks"), np.zeros(len(STANDING_OUT), dtype=int))
 
 
 @product
@@ -99,21 +101,24 @@ def spectra_without_sources(case, remover):
     Its peaks are masked anew. `remover` ends at no l, and draws no random numbers. If it refuses the maps, as
     fits of positive brightness do where few pixels ring around a bright Galaxy, the reason in their place.
     """
-    components = pipeline.components_of_sky(case.survey.sky, case.galaxy)
+    survey, components = case.survey, pipeline.components_of_sky(case.survey.sky, case.galaxy)
+    spectra, maps = emission_modes([one for one in components if one.name != "point sources"], survey.freqs)
+    if case.dimming is not None:
+        maps *= case.dimming.weights(survey.nside)
+    modes, beams = harmonic.to_modes(sphere.analyse(maps)), case.beam.of_survey(survey).total
     try:
-        return _spectra_with([one for one in components if one.name != "point sources"], case, remover)
+        return spectra_with(seen_through(modes, spectra, beams), case, remover)
     except InputError as error:
         return str(error)
 
 
-def _spectra_with(components, case, remover):
-    """`PowerSpectra` of the residual of a `Case` with these foregrounds, a list of `PowerLaw`."""
+def spectra_with(foreground, case, remover):
+    """`PowerSpectra` of the residual of a `Case` with another foreground through the beam, `HarmonicModes`.
+
+    HI and noise are the same, and peaks are masked anew.
+    """
     survey, truth = case.survey, pipeline.truth(case)
-    spectra, maps = emission_modes(components, survey.freqs)
-    if case.dimming is not None:
-        maps *= case.dimming.weights(survey.nside)
-    modes, beams = harmonic.to_modes(sphere.analyse(maps)), case.beam.of_survey(survey).total
-    bright = on_sky(seen_through(modes, spectra, beams), survey.nside)
+    bright = on_sky(foreground, survey.nside)
     separation = Cleaning.of(cleaned.data_of(case, bright.cube() + truth), remover).separation
     true = pipeline.true_spectra(case)
     error = cleaned.difference(case, bright, separation.foreground)

@@ -6,6 +6,7 @@ C/C0 near 1 is no proof that HI is kept: signal loss and foreground residual may
 import numpy as np
 
 from himap.maps.low_rank import LowRankCube, projection
+from himap.measures.diagnostics import flagged_lines
 from himap.measures.transfer import TransferFunction, expected_mock_power, mock_power, quotient
 from himap.paper import cleaned, pipeline
 from himap.removal.smooth_spectra import FilteredSeparation
@@ -48,6 +49,26 @@ def split_error(case, remover, mask_peaks=True):
         basis = np.linalg.qr(found.mixing)[0]
         hi_lost = LowRankCube(spectra=basis, maps=projection(basis.T, known))
     return cleaned.error(case, remover, mask_peaks) + hi_lost, hi_lost
+
+
+@product
+def error_parts(case, remover, mask_peaks=True):
+    """Mean squares of the error of a component method and of its two parts, mK^2, by channel.
+
+    Returns
+    -------
+    dict
+        {"foreground residual", "signal loss" or "error": {"flagged", "others" or "all": (n_channels,)}}: on
+        the lines of sight of `flagged_lines`, on the others and on all. Arguments as of `split_error`.
+    """
+    flagged = flagged_lines(cleaned.assessment(case, remover, mask_peaks).line_errors)
+    residual, hi_lost = split_error(case, remover, mask_peaks)
+    parts = {"foreground residual": residual, "signal loss": hi_lost, "error": residual + -hi_lost}
+    places = {"flagged": flagged, "others": ~flagged, "all": slice(None)}
+    return {
+        name: {place: part.mean_squares(pixels) for place, pixels in places.items()}
+        for name, part in parts.items()
+    }
 
 
 @product(name="parts")

@@ -125,10 +125,10 @@ class Study:
         made = Provenance.of(self.survey, galaxy=self.milky_way, preset=self.preset, parameters=parameters)
         return plotting.stamp(figure, made)
 
-    def prepare(self, removers, *, mask_peaks=True, masked=False):
+    def prepare(self, removers, *more, mask_peaks=True):
         """Assess the members of {beam: [method, ...]} in as many processes as `himap run --jobs` says.
 
-        With `masked` what `compared` makes with it, too.
+        `more` are other products of the same arguments, such as `cleaned.post_masked`.
         """
         calls = [
             (self.case(beam), member, mask_peaks)
@@ -136,8 +136,7 @@ class Study:
             for method in methods
             for member in self.members(method)
         ]
-        wanted = (cleaned.assessment, cleaned.post_masked)[: 1 + masked]
-        cleaned.make([(one, call) for one in wanted for call in calls])
+        cleaned.make([(wanted, call) for wanted in (cleaned.assessment, *more) for call in calls])
 
     def check(self, removers):
         """Refuse methods that do not fit the survey now, not after the simulation.

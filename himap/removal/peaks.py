@@ -118,11 +118,7 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
     weights = None if np.ndim(weights) < 2 else weights
     if weights is not None:
         check_channels(weights, least_channels(len(maps), order, n_sigma), f"a polynomial of order {order}")
-    # Legendre polynomials of the band are nearly orthogonal already, so that QR keeps every digit; powers of
-    # a frequency in MHz would have a condition number of 1e36. All rise at the upper end.
-    u = (2 * freqs - freqs[0] - freqs[-1]) / (freqs[-1] - freqs[0])
-    basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(u, order))
-    basis *= np.sign(np.diag(triangle))
+    basis = baseline_basis(freqs, order)
     given = _deviation_of_sky(maps, basis, spread, weights)
     first = np.empty((order + 1, maps.shape[1]))
     second = np.empty_like(first)
@@ -150,6 +146,15 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
 
     in_threads(fit, maps.shape[1], "peak masking", _BLOCK)
     return Baselines(basis=basis, first=first, second=second, flagged=flagged)
+
+
+def baseline_basis(freqs, order=6):
+    """Polynomials in frequency (MHz, ascending), orthonormal over the channels, (n_channels, order + 1)."""
+    # Legendre polynomials of the band are nearly orthogonal already, so that QR keeps every digit; powers of
+    # a frequency in MHz would have a condition number of 1e36. All rise at the upper end.
+    u = (2 * freqs - freqs[0] - freqs[-1]) / (freqs[-1] - freqs[0])
+    basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(u, order))
+    return basis * np.sign(np.diag(triangle))
 
 
 def _deviation_of_sky(maps, basis, spread, weights):
