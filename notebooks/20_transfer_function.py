@@ -26,9 +26,8 @@
 # Every method removes some HI and leaves some foreground. The paper measures both against the truth, which an
 # observation does not have. This chapter estimates them from **mocks**, skies of HI and noise whose truth is
 # known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the mock $m$ replaces
-# the HI and noise of the data, and with the foreground $\hat f$ that the method estimated it is cleaned like
-# the data, peak masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and their
-# means give
+# the HI and noise of the data, and with an estimated foreground $\hat f$ it is cleaned like the data, peak
+# masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and their means give
 #
 # ```{math}
 # T = \frac{\langle r\, m^* \rangle}{\langle |m|^2 \rangle} , \qquad
@@ -41,10 +40,13 @@
 # over members that are corrected by each other, times Student's factor for their number. The paper has no
 # such correction.
 #
-# **How many sources?** What one source more removes from the data is compared with what it removes from the
-# members, where it is HI. If a band differs significantly and by more than an error bar, the foreground needs
-# this source too, and everything is repeated with it. The *foreground residual* of a number of sources is
-# then the difference between the two corrected spectra.
+# **Which foreground?** A method with few sources leaves in the residual whatever they do not hold, and takes
+# some HI into the faintest of them. Its own $\hat f$ has no residual, and a correction by it no knowledge of
+# one. For all methods $\hat f$ is therefore what SmoothSpectra finds: at every multipole all smooth spectra,
+# seen through the beam, that exceed HI and noise. $b$ is then the *foreground residual* of the method.
+# `himap transfer` and `himap clean --mocks` have the $\hat f$ of the method itself instead, as SmoothSpectra
+# fails where channels are few and the band is narrow; they take one source more where that one removes
+# significantly more from the data than from the members.
 #
 # Mocks can also be added to the data, $\hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d)$
 # ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but no foreground residual, and
@@ -66,7 +68,6 @@ larger: list | None = None  # the same at quick
 
 # %%
 import warnings
-from dataclasses import replace
 
 import numpy as np
 
@@ -98,23 +99,12 @@ warnings.simplefilter("ignore", SeparationWarning)
     n_mocks=n_mocks,
     n_realisations=1,
 )
-((case, asked),) = first_sky.methods.items()
+((case, removers),) = first_sky.methods.items()
 study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
 mocks = first_sky.mocks
 measured = EXPERIMENT.table([first_sky])
-
-
-def used(remover):
-    """The method with the number of sources that the bootstrap needs."""
-    rows = measured[measured["method"] == remover.name]
-    number = getattr(remover, "n_sources", 0)
-    (n_sources,) = rows.loc[rows["n_sources"] == number, "n_used"].unique()
-    return replace(remover, n_sources=int(n_sources)) if number else remover
-
-
-removers = [used(remover) for remover in asked]
 names = {remover: styles.numbered(remover.name, getattr(remover, "n_sources", 0)) for remover in removers}
 shades = dict(zip(removers, styles.sequence(list(names.values())), strict=True))
 
@@ -122,7 +112,7 @@ shades = dict(zip(removers, styles.sequence(list(names.values())), strict=True))
 # ## Transfer functions
 
 # %% tags=["hide-input"]
-transfer = {remover: bootstrap(case, remover, mocks).own for remover in removers}
+transfer = bootstrap(case, removers, mocks)
 own = {remover: own_recovery(case, remover) for remover in removers}
 l_top = min(study.l_top, 200)
 
@@ -150,7 +140,7 @@ panels = [
 # $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground,
 # and decreases with the number of components.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Recovered share of the power of mocks by multipole (left, in bins) and wavenumber (right), each method with the number of sources that the bootstrap needs."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Recovered share of the power of mocks by multipole (left, in bins) and wavenumber (right)."}}
 study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
@@ -192,10 +182,8 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
 both_figure(study, case.beam, curves, n_mocks=n_mocks)
 
 # %% [markdown]
-# The table has the power in bands over the truth, uncorrected with the given number of sources, and corrected
-# with the number that the bootstrap needs. The pull is (corrected $-$ truth) over the error bar; *foreground*
-# is the foreground residual of the given number of sources, and *systematic* the change of the result by one
-# source more.
+# The table has the power in bands over the truth, uncorrected and corrected. The pull is
+# (corrected $-$ truth) over the error bar; *foreground* is the foreground residual that was subtracted, $b/T$.
 
 # %% tags=["hide-input"]
 rows = {}
@@ -204,11 +192,9 @@ for row in measured.itertuples():
     rows[f"{styles.numbered(row.method, row.n_sources)}, {row.band}"] = {
         "uncorrected": (row.uncorrected, 0.02 * max(1, abs(row.uncorrected))),
         "corrected": (row.corrected, close),
-        "sources": (row.n_used, 1),
         "error bar": (row.error_bar, max(0.2 * row.error_bar, 1e-3)),
         "pull": ((row.corrected - 1) / row.error_bar, max(0.5, close / row.error_bar)),
         "foreground": (row.foreground, close),
-        "systematic": (row.systematic, close),
     }
 show_table(rows, columns=4)
 
@@ -255,12 +241,12 @@ variants = {
     "Gaussian": {"gaussian": True},
 }
 changed_mocks = {label: Mock(seed=mocks[0].seed, **changed) for label, changed in variants.items()}
-make_products([(resampled, (case, first, mock)) for mock in (mocks[0], *changed_mocks.values())])
-usual = bootstrap(case, first, mocks[:1]).own
+make_products([(resampled, (case, (first,), mock)) for mock in (mocks[0], *changed_mocks.values())])
+usual = bootstrap(case, [first], mocks[:1])[first]
 looks = [(styles.BLUE, "-"), (styles.VERMILION, "--"), (styles.GREEN, "-."), (styles.PURPLE, ":")]
 sky, line, changes = [], [], {}
 for (label, mock), (colour, dashes) in zip(changed_mocks.items(), looks, strict=True):
-    other = bootstrap(case, first, [mock]).own
+    other = bootstrap(case, [first], [mock])[first]
     style = {"label": label, "color": colour, "linestyle": dashes}
     (degrees, means), (_, reference) = over_l(other), over_l(usual)
     sky.append((degrees, np.divide(means, reference), style))
@@ -312,8 +298,8 @@ quote(
 #
 # and the same with `-p galaxy=templates -p template_dir=FOLDER`.
 #
-# In the table, *sources* is the range of the number that the bootstrap needed, *scatter* the standard
-# deviation of the corrected ratio over skies, and *error bar* the mean of the expected ones. *Within 1σ*
+# In the table, *scatter* is the standard deviation of the corrected ratio over skies, *error bar* the mean of
+# the expected ones, and *foreground* the mean of the foreground residual that was subtracted. *Within 1σ*
 # counts the skies on which the truth is within the error bar, with the binomial 95 % interval of that share;
 # *χ²* is the mean squared pull, which should be 1. In the figures, filled symbols should be within a bar of
 # 1.
@@ -388,13 +374,11 @@ def furthest(record, name, column="corrected"):
     return "not measured" if np.isnan(worst) else (worst, 0.3 * max(1, worst / 10), "%")
 
 
-def within(record, name, systematic=False):
+def within(record, name):
     """Share of skies and bands in which the truth is within the error bar, with its interval."""
     rows = of_method(record, name)
     if not len(rows):
         return "not measured"
-    if systematic:
-        rows = rows.assign(error_bar=np.hypot(rows["error_bar"], rows["systematic"]))
     hits, trials, low, high = coverage(rows)
     return f"{100 * hits / trials:.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
 
@@ -416,7 +400,6 @@ for size, several in {"ci": records, "quick": finer}.items():
                 "before": furthest(record, name, "uncorrected"),
                 "after": furthest(record, name),
                 "coverage": within(record, name),
-                "with systematic": within(record, name, systematic=True),
                 "squared pull": median_chi(record, name),
             }
 quote(
@@ -431,28 +414,22 @@ quote(
 # Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky; {glue:text}`transfer_skies`
 # skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy. *Before* and *after* are
 # the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$.
-# Coverage is of all bands, by the error bar, and by error bar and systematic in quadrature; the squared pull
-# is the median of bands.
+# Coverage is of all bands; the squared pull is the median of bands.
 
 # %% tags=["hide-input"]
 show_table(rows)
 
 # %% [markdown]
-# - **The foreground residual of a number of sources is detected without the truth**: one source more removes
-#   more power from the data than from members of the bootstrap. On the real Galaxy BeamSubspace with three
-#   sources has a residual, and is corrected with more (column *sources*).
-# - **The correction is only as good as the estimated foreground.** A residual that is spread over several
-#   components, each fainter than HI, is not always detected: PCA at `quick`, and BeamSubspace with the
-#   synthetic Galaxy. The systematic contains a part of it.
-# - **Statistical error bars are too small for some methods** (see the coverage). With the true foreground in
-#   the members they would be right. The estimated foreground lacks what is fainter than HI, and its faintest
-#   sources contain HI, and are therefore brighter and more stable in members than in the data. Quote error
-#   bar and systematic in quadrature, as a lower limit. In the `.csv` of the commands `sigma` and `sample` are
-#   relative, `systematic` and `foreground` in the unit of the spectrum; the columns `error_1` and so on have
-#   the error of each mock, and `himap.measures.bootstrap.covariance` gives their covariance between bands. It
-#   can be inverted for fewer bands than mocks.
-# - **With more sources than the foreground has**, the last ones fit this HI, and the corrected power is low
-#   by up to the share of one source. Use as many as the foreground needs, not more.
+# - **The foreground residual is estimated without the truth and subtracted** (column *foreground*), most of
+#   it for BeamSubspace with three sources on the real Galaxy.
+# - **The correction is only as good as the estimated foreground.** It lacks what is fainter than HI at every
+#   multipole, and holds HI that is smooth in frequency. With the true foreground in the members the error
+#   bars would be right; with that of SmoothSpectra they are too small where they are smallest, at `quick`.
+# - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` and `foreground` in the
+#   unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
+#   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
+#   bands than mocks. There `systematic` is the change of the result by one source more; quote it with the
+#   error bar.
 # - **Sample variance and noise are not in these error bars**, because the truth is that of the same sky. The
 #   commands below list them separately.
 #

@@ -174,6 +174,11 @@ class TransferFunction:
         share, unlike = _fit(kind, self.mocks)
         return quotient(power - unlike, share)
 
+    def foreground(self, kind):
+        """What `corrected` subtracts, over T: the foreground residual in a corrected spectrum, (n,)."""
+        share, unlike = _fit(kind, self.mocks)
+        return quotient(unlike, share)
+
     def errors(self, kind):
         """Relative error of each mock once it is corrected by the others, (n_mocks, n).
 

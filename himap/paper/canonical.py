@@ -103,7 +103,7 @@ _PRODUCTS = {
         (replace(SURVEY, seed=7).sky, mocks.Mock(seed=7, gaussian=True, abundance=1.5)),
     ],
     mocks.recovered: [(CASE, (PLAIN, AWARE), mocks.Mock(seed=7))],
-    mocks.resampled: [(CASE, PLAIN, mocks.Mock(seed=7)), (CASE, AWARE, mocks.Mock(seed=7))],
+    mocks.resampled: [(CASE, (PLAIN, AWARE), mocks.Mock(seed=7))],
     mocks.own_recovery: [(CASE, PLAIN), (CASE, AWARE)],
     masked.separation: [(CASE, PLAIN, REGION), (CASE, AWARE, REGION)],
     masked.compared: [(CASE, PLAIN, REGION, way) for way in masked.WAYS],

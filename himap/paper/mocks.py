@@ -11,11 +11,10 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.measures.bootstrap import bootstrap_of
-from himap.measures.transfer import mock_power
+from himap.measures.transfer import TransferFunction, mock_power
 from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
-from himap.removal.cleaning import one_more
+from himap.removal.smooth_spectra import SmoothSpectra
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 from himap.store.store import product
@@ -111,17 +110,24 @@ def recovered(case, removers, mock, mask_peaks=True):
     All that a method finds is found anew (`Cleaning.with_mock`). Where the method ends at some l, so does the
     comparison.
     """
+    alms, maps = _alms_and_maps(case, mock)
+    mocked = cleaned.cleaning(case, removers[0], mask_peaks).with_mock(maps)
+    before = [cleaned.separation(case, remover, mask_peaks) for remover in removers]
+    return _powers(case, alms, mocked, removers, before)
+
+
+def _alms_and_maps(case, mock):
     alms = mock_alms(case, mock)
-    mocked = cleaned.cleaning(case, removers[0], mask_peaks).with_mock(
-        sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
-    )
-    recoveries = []
-    for remover in removers:
-        without = cleaned.separation(case, remover, mask_peaks)
+    return alms, sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
+
+
+def _powers(case, alms, mocked, removers, before):
+    """A list of `MockPower`: of a `Cleaning` with a mock by each method, and the `Separation` without it."""
+    powers = []
+    for remover, without in zip(removers, before, strict=True):
         rng = case.survey.rng(f"removal {remover.name}")
-        found = mocked.with_method(remover, rng=rng).separation
-        recoveries.append(_power(case, alms, without, found))
-    return recoveries
+        powers.append(_power(case, alms, without, mocked.with_method(remover, rng=rng).separation))
+    return powers
 
 
 def _power(case, alms, before, after):
@@ -132,25 +138,25 @@ def _power(case, alms, before, after):
 
 
 @product
-def resampled(case, remover, mock, mask_peaks=True):
-    """The `MockPower` of a member of the bootstrap of a cleaning, whose truth is a mock, in a list.
+def resampled(case, removers, mock, mask_peaks=True):
+    """A member of a parametric bootstrap, whose truth is a mock: a list with the `MockPower` of each method.
 
-    The foreground is what the method finds in the observation; the member is cleaned by the same method, and
-    as the second of the list by it with one source more, if it has a number of them.
+    For all methods the foreground is what `SmoothSpectra` finds in the observation: at every multipole all
+    smooth spectra that exceed HI and noise, through the beam. A method with few spectra has less of the
+    foreground and more of HI in what it finds.
     """
-    base, alms = cleaned.cleaning(case, remover, mask_peaks), mock_alms(case, mock)
-    vars(base)["separation"] = cleaned.separation(case, remover, mask_peaks)
-    maps = sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
-    member, powers = base.resampled(maps), []
-    for method in dict.fromkeys((remover, one_more(remover))):
-        found = member.with_method(method, rng=case.survey.rng(f"removal {remover.name}")).separation
-        powers.append(_power(case, alms, base.separation, found))
-    return powers
+    alms, maps = _alms_and_maps(case, mock)
+    model = cleaned.cleaning(case, SmoothSpectra(), mask_peaks)
+    vars(model)["separation"] = cleaned.separation(case, SmoothSpectra(), mask_peaks)
+    return _powers(case, alms, model.resampled(maps), removers, [model.separation] * len(removers))
 
 
-def bootstrap(case, remover, mocks, mask_peaks=True):
-    """The `Bootstrap` of a method on a case, with `Mock` each that take the place of its HI and noise."""
-    return bootstrap_of([resampled(case, remover, mock, mask_peaks) for mock in mocks])
+def bootstrap(case, removers, mocks, mask_peaks=True):
+    """{method: `TransferFunction`} of members of a bootstrap of a case, with one of some `Mock` each."""
+    several = zip(*(resampled(case, tuple(removers), mock, mask_peaks) for mock in mocks), strict=True)
+    return {
+        remover: TransferFunction(mocks=powers) for remover, powers in zip(removers, several, strict=True)
+    }
 
 
 @product
