@@ -132,6 +132,7 @@ class TestTransfer:
         mocks = [mock.seed for sky in several for mock in sky.mocks]
         assert len(set(mocks)) == 12 and not set(mocks) & {sky.survey.seed for sky in several}
 
+    @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
     def test_table_of_a_small_sky(self):
         methods = [["pca", 3], ["gnilc", None]]
         more = TINY | {"survey": TINY["survey"] | {"n_channels": 32}}  # enough for smooth spectra

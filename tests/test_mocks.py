@@ -11,8 +11,8 @@ from himap.instrument.beams import Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.paper import cleaned, pipeline
-from himap.paper.mocks import Mock, first_mocks, mock_alms, own_recovery, recovered
-from himap.removal import PCA, BeamSubspace, SDecGMCA
+from himap.paper.mocks import Mock, bootstrap, first_mocks, mock_alms, own_recovery, recovered, resampled
+from himap.removal import PCA, BeamSubspace, SDecGMCA, SmoothSpectra
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
 
@@ -122,3 +122,32 @@ def test_the_truth_comes_back_as_it_was_assessed():
 def test_a_mock_is_of_another_sky_than_the_data():
     with pytest.raises(InputError, match="another sky than the data"):
         recovered(CASE, (PCA(n_sources=3),), Mock(seed=SURVEY.seed))
+
+
+@pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+class TestBootstrap:
+    CASE = pipeline.Case(survey=replace(SURVEY, nside=16, n_channels=40), beam=Oscillating())
+
+    def test_members_have_the_foreground_of_smooth_spectra(self):
+        """And the mock, from which each method finds it anew, without the peaks of both."""
+        removers, freqs = (PCA(n_sources=3), BeamSubspace(n_sources=3)), self.CASE.survey.freqs
+        model, alms = cleaned.separation(self.CASE, SmoothSpectra()), mock_alms(self.CASE, USUAL)
+        maps = sphere.synthesise_cube(alms, 16, n_channels=40, label="")
+        maps += model.foreground.cube() + model.means[:, None].astype(np.float32)
+        given = {"freqs": freqs, "beams": pipeline.observation(self.CASE).beams}
+        low = slice(2, 33)
+        for remover, found in zip(removers, resampled(self.CASE, removers, USUAL), strict=True):
+            residual = remover.clean(maps, separate_on=mask_peaks(maps, freqs).maps, **given).residual
+            expected = sphere.power_spectrum(sphere.analyse(residual)).mean(axis=0)
+            assert found.output.angular[low] == pytest.approx(expected[low], rel=0.01)
+
+    @pytest.mark.parametrize(("n_sources", "residual", "corrected"), [(2, 4600, 10), (3, 0.88, 0.04)])
+    def test_loss_and_foreground_residual_are_corrected(self, n_sources, residual, corrected):
+        """Two spectra are too few: they leave thousands of times the power of HI and noise."""
+        remover, middle = BeamSubspace(n_sources=n_sources), slice(5, 20)
+        power = own_recovery(self.CASE, remover)
+        found = bootstrap(self.CASE, [remover], first_mocks(4, [self.CASE]))[remover]
+        true, before = (getattr(power, part).angular for part in ("input", "output"))
+        assert (before[middle] / true[middle]).mean() == pytest.approx(residual, rel=0.1)
+        after = found.corrected("angular", before)
+        assert (after[middle] / true[middle]).mean() == pytest.approx(1, abs=corrected)
