@@ -12,7 +12,7 @@ from himap.instrument.beams import named
 from himap.measures.transfer import TransferFunction
 from himap.paper import cleaned, pipeline
 from himap.paper.methods import paper_beams, sdecgmca_for
-from himap.paper.mocks import first_mocks, own_recovery, recovered, resampled
+from himap.paper.mocks import Mock, first_mocks, own_recovery, recovered
 from himap.removal import create
 from himap.sky.galaxy import Galaxy
 from himap.store.parallel import make_all
@@ -139,13 +139,14 @@ def make_products(work):
     """Make products of cases; observations and separations that are made for it are deleted.
 
     `work` is [(product, arguments)], the first argument a `pipeline.Case`. What the cache holds is not made
-    again, and nothing is observed for it. Of mocks the coefficients of HI and noise are made first, once for
-    all, and stay; their maps do not.
+    again, and nothing is observed for it. Of each `Mock` among the arguments the coefficients of HI and noise
+    are made first, once for all, and stay; their maps do not.
     """
     surveys = {}
     for product, call in work:
-        if product in (recovered, resampled) and not product.is_cached(*call):
-            surveys[replace(call[0].survey, seed=call[2].seed)] = None
+        mocks = [one for one in call if isinstance(one, Mock)]
+        if mocks and not product.is_cached(*call):
+            surveys |= {replace(call[0].survey, seed=mock.seed): None for mock in mocks}
     with temporary(pipeline.hi_of_sky):
         cleaned.make_hi(survey.sky for survey in surveys)
         make_all(pipeline.noise_alms, [(survey,) for survey in surveys], "noise of mocks")
