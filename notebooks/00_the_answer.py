@@ -64,9 +64,9 @@
 # The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and
 # restarts, the second of a single run at the paper's size (`nside` 256, 500 channels, an HI box of 2048³
 # cells), in the same reading and by the same rules. A single sky has no scatter over skies; in brackets is
-# then the $1\,\sigma$ interval of its restarts. The pictures at the paper's size are of an older run in
-# another reading, in which the noise of the instrument sets the thresholds of SDecGMCA.
-# {doc}`../book/status` states which of the records and figures are stale.
+# then the $1\,\sigma$ interval of its restarts. The pictures at the paper's size have an HI box of 1024³ cells
+# and of SDecGMCA the median and the 16 to 84 % of eight restarts, but for the scan over the number of
+# sources. {doc}`../book/status` states which of the records and figures are stale.
 
 # %% tags=["parameters", "remove-input"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -138,13 +138,13 @@ Table(
 angular = stored_curves(large, "fig-results-angular", folder)
 made = Provenance.of_stored(ledgers[1][1])
 
-# %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios, linear near 1 and logarithmic beyond. Grey band: 10 %. PCA and FastICA coincide; SDecGMCA is the older run."}}
+# %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios, linear near 1 and logarithmic beyond. Grey band: 10 %. PCA and FastICA coincide; of SDecGMCA the median and 16 to 84 % of eight restarts."}}
 panels = [angular_ratios(curves, title=title) for title, curves in angular.items()]
 panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
 
 # %% [markdown]
-# The frequency power spectra of the older run: the oscillating beam adds a peak at $k_\nu = 0.3$ MHz$^{-1}$.
+# The frequency power spectra: the oscillating beam adds a peak at $k_\nu = 0.3$ MHz$^{-1}$.
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-results-frequency", folder))
@@ -200,8 +200,8 @@ claims_of(3)
 claims_of(4)
 
 # %% [markdown]
-# The figure is of the older run, in whose reading each further source removes HI. In the reading of this page
-# the error has a minimum, as in the paper ({doc}`11_ns_scan`).
+# The figure has one restart for each number of sources. The error has a minimum, as in the paper
+# ({doc}`11_ns_scan`).
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-ns-scan-mse", folder))
@@ -224,7 +224,7 @@ Markdown(picture(large, "fig-dimmed-spectra", folder))
 # **Masks improve PCA, FastICA and GMCA; for SDecGMCA the effect depends on the run.** Masks remove
 # foreground residuals in the Galactic plane, where a run has them. Where SDecGMCA is near the truth on the
 # full sky, masking or dimming does not improve it, and a change of the sky acts as a restart
-# ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`). The figure is of the older run.
+# ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`).
 #
 # ## Further reading
 #
