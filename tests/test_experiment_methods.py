@@ -21,7 +21,7 @@ from himap.paper.grid import measured_recoveries
 from himap.paper.record import Record
 from himap.removal import GNILC, PCA, SDecGMCA
 
-TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
+TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 32, "box_cells": 16}}
 
 
 def made_up(share):

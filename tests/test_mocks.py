@@ -151,3 +151,7 @@ class TestBootstrap:
         assert range_[0] < (before[middle] / true[middle]).mean() < range_[1]
         after = found.corrected("angular", before)
         assert (after[middle] / true[middle]).mean() == pytest.approx(1, abs=close)
+
+    def test_too_few_channels_are_refused_with_the_way_out(self):
+        with pytest.raises(InputError, match="cannot be separated .* Take a survey with more channels"):
+            resampled(CASE, (PCA(n_sources=3),), USUAL)

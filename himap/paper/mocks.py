@@ -147,7 +147,13 @@ def resampled(case, removers, mock, mask_peaks=True):
     """
     alms, maps = _alms_and_maps(case, mock)
     model = cleaned.cleaning(case, SmoothSpectra(), mask_peaks)
-    vars(model)["separation"] = cleaned.separation(case, SmoothSpectra(), mask_peaks)
+    try:
+        vars(model)["separation"] = cleaned.separation(case, SmoothSpectra(), mask_peaks)
+    except InputError as error:
+        raise InputError(
+            f"error bars need the foreground as smooth spectra, and that is not found here: {error} Take a "
+            "survey with more channels."
+        ) from None
     return _powers(case, alms, model.resampled(maps), removers, [model.separation] * len(removers))
 
 
