@@ -51,6 +51,7 @@ reference: str | None = None  # numbers of the authors' code; None: those of the
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from IPython.display import Markdown, display
 
 from himap.app.stored import RESULTS
@@ -222,13 +223,17 @@ by_size = {record.made.preset: outcomes_of(record.rows) for record in ensembles}
 for record in ensembles:
     table = readings_table.candidates_table(by_size[record.made.preset])
     display(Markdown(f"*{record.made.footer()}*"), Table(table.columns, table.to_numpy()))
-laptop = next(record.rows for record in ensembles if record.made.preset == "laptop")
-by_sky = [dict(row[:2] for row in ranked_candidates(outcomes_of(rows))) for _, rows in laptop.groupby("seed")]
-changes = [abs(by_sky[0][label] - by_sky[-1][label]) for label in by_sky[0]]
+by_sky = [
+    dict(row[:2] for row in ranked_candidates(outcomes_of(rows)))
+    for record in ensembles
+    if record.made.preset == "laptop"
+    for _, rows in record.rows.groupby("seed")
+]
+counts = pd.DataFrame(by_sky)  # a row for each sky
 charitable = {size: known[ranked_candidates(several)[0][0]].title for size, several in by_size.items()}
 quote(
     readings_charitable=listed([f"{label} at {size}" for size, label in charitable.items()]),
-    readings_scatter=(max(changes), 0.1),
+    readings_scatter=((counts.max() - counts.min()).max(), 0.1) if by_sky else "not measured",
 )
 
 # %% [markdown]
