@@ -421,8 +421,7 @@ show_table(rows)
 
 # %% [markdown]
 # - **The foreground residual is estimated without the truth and subtracted** (column *foreground*). It is
-#   largest for BeamSubspace with three sources on the real Galaxy, and there the estimate is too low: take
-#   more sources.
+#   largest for BeamSubspace with three sources on the real Galaxy, and there the estimate is too low.
 # - **The correction is only as good as the estimated foreground.** It lacks what is fainter than HI at every
 #   multipole, and holds HI that is smooth in frequency. With the true foreground in the members the error
 #   bars would be right; with that of SmoothSpectra they are too small where they are smallest, at `quick`.
