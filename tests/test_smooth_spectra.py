@@ -1,5 +1,7 @@
 """SmoothSpectra: closed forms of its steps, and what it was made for: HI stays, whatever n_s is."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
@@ -9,6 +11,7 @@ from sparse_problem import largest_angle
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.transfer import expected_mock_power
+from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.pca import PCA
 from himap.removal.smooth_spectra import (
@@ -127,6 +130,7 @@ class TestResult:
         assert largest_angle(truth, found.mixing[:, :2]) < 1e-3
         assert largest_angle(found.mixing, truth) < largest_angle(blind.mixing, truth)
 
+    @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
     def test_every_parameter_is_used(self, sky):
         four = cleaned(sky).residual
         for options in ({"n_sources": 1}, {"n_smooth": 5}):
@@ -198,3 +202,28 @@ class TestCovariance:
         found = faint_covariance(stationary()[np.ix_(kept, kept)], CHANNELS[kept], 3)
         expected = faint_covariance(stationary(), CHANNELS, 3)[np.ix_(kept, kept)]
         assert np.abs(found - expected).max() < 0.1
+
+
+def narrow(rng, nside=16):
+    """Two power laws and noise of 1 mK in 24 channels of a narrow band, and the frequencies."""
+    freqs, cl = np.linspace(900, 1015, 24), np.r_[0, np.arange(1.0, nside) ** -2.4]
+    fields = np.array([sphere.synthesise(sphere.gaussian_alm(cl, rng), nside) for _ in range(2)])
+    maps = (freqs / 1000)[:, None] ** np.array([-2.1, -2.8]) @ (np.exp(fields) * [[1e3], [3]])
+    return (maps + rng.standard_normal(maps.shape)).astype(np.float32), freqs
+
+
+def test_hi_as_steep_as_a_foreground_is_no_solution():
+    """Where it takes the foreground for HI, it says so: up to 1e5 times the power of HI remains."""
+    said, residuals = [], []
+    for seed in range(12):
+        maps, freqs = narrow(np.random.default_rng(seed))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SeparationWarning)
+            try:
+                found = SmoothSpectra(n_smooth=6).clean(maps, freqs=freqs, beams=np.ones((24, 48)))
+            except InputError:
+                continue
+        said.append(not found.separation.converged)
+        residuals.append(found.residual.std())
+    assert max(residuals) > 3
+    assert all(one for one, residual in zip(said, residuals, strict=True) if residual > 1.5)

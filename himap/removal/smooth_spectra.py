@@ -24,6 +24,7 @@ _POWER_ORDER = 3  # of that in k / (k + _SCALE) that the logarithm of the power 
 _SCALE = 0.3  # 1/MHz: channels a few MHz apart hold nearly the same HI; about there its power bends
 _MOST_STEPS = 50  # of a fit; it takes 5 to 10
 _SMALL = 1e-9  # change of a logarithm
+_STEEPEST = 1e4  # largest over median eigenvalue of the covariance of HI and noise: about 100 at the lowest l
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +119,8 @@ def _settled(data, seen, freqs, rounding, n_sources):
 
     Of X_l, a list of (n_channels, 2 l + 1), and diag(H_l) B, (n_l, n_channels, n_smooth); `rounding` is the
     variance of that of maps, mK^2. Returns W_l, G_l and C, as in `SpectralFilter`, the amplitudes of the
-    foreground in B, (n_smooth, n_modes), whether C settled, and the number of turns.
+    foreground in B, (n_smooth, n_modes), whether C settled, and the number of turns. C has not settled on HI
+    where it is as steep as a foreground: with few channels in a narrow band, or more spectra than n_sources.
     """
     _, n_channels, n_smooth = seen.shape
     n_modes = sum(block.shape[1] for block in data)
@@ -141,6 +143,8 @@ def _settled(data, seen, freqs, rounding, n_sources):
         n_removed = min(n_removed, int(np.sum(axes.any(axis=0))))
         before, faint = faint, faint_of((products + products.T) / (2 * n_modes), n_removed)
         converged = bool(np.linalg.norm(faint - before) <= _SETTLED * np.linalg.norm(before))
+    values = np.linalg.eigvalsh(before)
+    converged &= bool(values[-1] < _STEEPEST * np.median(values))
     amplitudes = [axes @ (one @ block) for one, block in zip(estimators, data, strict=True)]
     return spectra, estimators, before, np.hstack(amplitudes), converged, n_turns
 
