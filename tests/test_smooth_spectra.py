@@ -205,25 +205,26 @@ class TestCovariance:
 
 
 def narrow(rng, nside=16):
-    """Two power laws and noise of 1 mK in 24 channels of a narrow band, and the frequencies."""
-    freqs, cl = np.linspace(900, 1015, 24), np.r_[0, np.arange(1.0, nside) ** -2.4]
-    fields = np.array([sphere.synthesise(sphere.gaussian_alm(cl, rng), nside) for _ in range(2)])
-    maps = (freqs / 1000)[:, None] ** np.array([-2.1, -2.8]) @ (np.exp(fields) * [[1e3], [3]])
-    return (maps + rng.standard_normal(maps.shape)).astype(np.float32), freqs
+    """Two power laws, HI and noise in 24 channels of a narrow band; also HI and noise, and frequencies."""
+    freqs, degrees = np.linspace(900, 1015, 24), np.arange(1.0, 2 * nside)
+    fields = [np.r_[0, degrees[: nside - 1] ** -2.4]] * 2 + [np.r_[0, 1 / degrees[1:]]] * len(freqs)
+    one, other, *hi = [sphere.synthesise(sphere.gaussian_alm(cl, rng), nside) for cl in fields]
+    faint = hi + 0.3 * rng.standard_normal((len(freqs), 12 * nside**2))
+    bright = (freqs / 1000)[:, None] ** np.array([-2.1, -2.8]) @ [1e3 * np.exp(one), 3 * np.exp(other)]
+    return (bright + faint).astype(np.float32), faint, freqs
 
 
-def test_hi_as_steep_as_a_foreground_is_no_solution():
-    """Where it takes the foreground for HI, it says so: up to 1e5 times the power of HI remains."""
-    said, residuals = [], []
-    for seed in range(12):
-        maps, freqs = narrow(np.random.default_rng(seed))
+def test_where_it_takes_the_foreground_for_hi_it_has_not_converged():
+    """On some skies hundreds of times the amplitude of HI remains; on others it is as it should be."""
+    is_good = []
+    for seed in range(10):
+        maps, faint, freqs = narrow(np.random.default_rng(seed))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SeparationWarning)
             try:
                 found = SmoothSpectra(n_smooth=6).clean(maps, freqs=freqs, beams=np.ones((24, 48)))
             except InputError:
                 continue
-        said.append(not found.separation.converged)
-        residuals.append(found.residual.std())
-    assert max(residuals) > 3
-    assert all(one for one, residual in zip(said, residuals, strict=True) if residual > 1.5)
+        is_good.append(found.residual.std() < 1.3 * faint.std())
+        assert is_good[-1] or not found.separation.converged, seed
+    assert 0 < sum(is_good) < len(is_good)
