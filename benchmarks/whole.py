@@ -4,7 +4,7 @@
 
 The light cone, three observations, all methods, ensembles of SDecGMCA through the three beams and with the
 plane dimmed, the scan with one start, masks, the ledger with one start, and every figure. The cache is a
-folder of its own, in the temporary folder of the machine, that is removed: some 40 GB at the paper's size.
+folder of its own, in the temporary folder of the machine, that is removed: some 50 GB at the paper's size.
 Notebooks and ledger stay if they get a folder.
 """
 

@@ -92,8 +92,10 @@ quote(
 # ## The figures
 #
 # All figures of the paper at its size, each for the real Galaxy and then the synthetic one. The linked
-# chapter states what each shows, and has both Galaxies at this size among its interactive curves. All numbers
-# are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# chapter states what each shows, and has both Galaxies at this size among its interactive curves. Those of the
+# real Galaxy have eight restarts of SDecGMCA, the scan over the number of sources one; those of the synthetic
+# Galaxy are of an older run, with one restart in the reading `instrument-noise` ({doc}`16_readings`). All
+# numbers are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]
 Markdown(pictures([real, synthetic], folder))

@@ -141,15 +141,15 @@ class TestBootstrap:
             expected = sphere.power_spectrum(sphere.analyse(residual)).mean(axis=0)
             assert found.output.angular[low] == pytest.approx(expected[low], rel=0.01)
 
-    @pytest.mark.parametrize(("n_sources", "range_", "close"), [(2, (1e3, 1e5), 20), (3, (0.8, 0.95), 0.04)])
-    def test_loss_and_foreground_residual_are_corrected(self, n_sources, range_, close):
+    @pytest.mark.parametrize(("n_sources", "before", "close"), [(2, (1e3, 1e5), 20), (3, (0.8, 0.95), 0.04)])
+    def test_loss_and_foreground_residual_are_corrected(self, n_sources, before, close):
         """Two spectra are too few: they leave thousands of times the power of HI and noise."""
         remover, middle = BeamSubspace(n_sources=n_sources), slice(5, 20)
         power = own_recovery(self.CASE, remover)
         found = bootstrap(self.CASE, [remover], first_mocks(4, [self.CASE]))[remover]
-        true, before = (getattr(power, part).angular for part in ("input", "output"))
-        assert range_[0] < (before[middle] / true[middle]).mean() < range_[1]
-        after = found.corrected("angular", before)
+        true, residual = (getattr(power, part).angular for part in ("input", "output"))
+        assert before[0] < (residual[middle] / true[middle]).mean() < before[1]
+        after = found.corrected("angular", residual)
         assert (after[middle] / true[middle]).mean() == pytest.approx(1, abs=close)
 
     def test_too_few_channels_are_refused_with_the_way_out(self):

@@ -53,8 +53,9 @@ class SmoothSpectra(ForegroundRemover):
 
     The mean of the foreground given X, a Wiener filter, is subtracted. The HI that it removes with it is
     known from C, without the truth and without mocks (`himap.measures.transfer.expected_mock_power`).
-    `mixing` and `sources` are the principal axes of the foreground before the beam, all l together. There is
-    no threshold to choose, no noise level to know and no randomness.
+    `mixing` and `sources` are the principal axes of the foreground before the beam, all l together. It has
+    not converged where HI comes out as steep as a foreground, which then remains: with few channels in a
+    narrow band, or a small `n_sources`. There is no threshold to choose, no noise level to know and no randomness.
     """
 
     name: ClassVar[str] = "smooth_spectra"
