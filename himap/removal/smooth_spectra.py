@@ -55,7 +55,8 @@ class SmoothSpectra(ForegroundRemover):
     known from C, without the truth and without mocks (`himap.measures.transfer.expected_mock_power`).
     `mixing` and `sources` are the principal axes of the foreground before the beam, all l together. It has
     not converged where HI comes out as steep as a foreground, which then remains: with few channels in a
-    narrow band, or a small `n_sources`. There is no threshold to choose, no noise level to know and no randomness.
+    narrow band, or a small `n_sources`. There is no threshold to choose, no noise level to know and no
+    randomness.
     """
 
     name: ClassVar[str] = "smooth_spectra"
