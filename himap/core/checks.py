@@ -36,11 +36,8 @@ def checked_cube(label, maps, *, min_channels=1, kept=None):
         raise InputError(f"{label} must have shape (n_channels, n_pix){channels}, got {maps.shape}.")
     if maps.dtype != np.float32:
         maps = maps.astype(np.float64, copy=False)
-    if kept is None:
-        n_bad = sum(map(_count_bad, maps))
-    else:
-        rows = np.broadcast_to(kept, maps.shape)
-        n_bad = sum(_count_bad(channel[row]) for channel, row in zip(maps, rows, strict=True))
+    rows = np.broadcast_to(True if kept is None else kept, maps.shape)
+    n_bad = sum(map(_count_bad, maps, rows))
     if n_bad:
         raise InputError(
             f"{label} must be finite everywhere, got {n_bad} NaN, infinite or UNSEEN pixels; fill or cut "
@@ -49,8 +46,10 @@ def checked_cube(label, maps, *, min_channels=1, kept=None):
     return maps
 
 
-def _count_bad(pixels):
-    return int(np.count_nonzero(~(np.abs(pixels) < _LARGEST)))
+def _count_bad(pixels, kept):
+    if pixels.min() > -_LARGEST and pixels.max() < _LARGEST:  # not so with a NaN
+        return 0
+    return int(np.count_nonzero(~(np.abs(pixels) < _LARGEST) & kept))
 
 
 def checked_freqs(freqs, n_channels):

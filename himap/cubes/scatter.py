@@ -11,7 +11,7 @@ from himap.cubes.transfer import alms_of
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.measures.diagnostics import bands
-from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair
+from himap.measures.low_rank_spectra import FAINT, Moments, recovered_power
 from himap.measures.spectra import frequency_power
 
 PERCENTILES = (16, 50, 84)
@@ -63,10 +63,8 @@ def scatter_of(cleaned):
     faint, spectra = FAINT * float(residual.var(axis=1, dtype=np.float64).sum()), []
     for k in progress(range(len(ensemble.members)), "spectra of restarts"):
         change = ensemble.change(k).truncate(faint)
-        angular, _ = angular_power_pair(
-            alms, replace(change, maps=cube.on_sphere(change.maps)), mask=cube.sky_mask
-        )
-        angular = angular.upto(cleaned.separation.lmax)
+        seen = replace(change, maps=cube.on_sphere(change.maps))
+        angular = recovered_power(alms, seen, mask=cube.sky_mask).upto(cleaned.separation.lmax)
         power = Moments.of(residual, change).frequency_power(own, cube.channel_width).power
         spectra.append((angular.mean[angular.degrees > 0], power[1:]))
     x = {"angular": angular.degrees[angular.degrees > 0], "frequency": own.k[1:]}

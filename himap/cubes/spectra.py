@@ -10,7 +10,7 @@ from himap.cubes.layout import same_freqs
 from himap.maps.patches import patch_centres, patch_pixels
 from himap.measures.cylindrical import CylindricalPower, cell_of, cylindrical_power
 from himap.measures.diagnostics import Comparison
-from himap.measures.low_rank_spectra import angular_power_pair, difference, masked_alms
+from himap.measures.low_rank_spectra import angular_power_pair, difference, masked_alms, recovered_power
 from himap.measures.spectra import FrequencyPower, PowerSpectra, angular_power, frequency_power
 
 PATCH = np.deg2rad(14)
@@ -87,7 +87,7 @@ def spectra_of(cleaned, near=None):
     if near is None:
         return _sphere_spectra(cube, residual, angular_power(maps, mask=mask))
     others, alms = near
-    angular, _ = angular_power_pair(alms, difference(maps, others, mask=mask), mask=mask)
+    angular = recovered_power(alms, difference(maps, others, mask=mask), mask=mask)
     return _sphere_spectra(cube, residual, angular)
 
 

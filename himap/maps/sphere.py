@@ -89,8 +89,9 @@ def alm_index(lmax, degree, order):
 
 
 def alms_upto(alms, lmax):
-    """The coefficients up to `lmax` of some that go further, (..., n_alm), in a new array."""
-    return alms[..., alm_degree(lmax_of_size(alms.shape[-1])) <= lmax]
+    """The coefficients up to `lmax` of some, (..., n_alm): the same array where they go no further."""
+    own = lmax_of_size(alms.shape[-1])
+    return alms if lmax >= own else alms[..., alm_degree(own) <= lmax]
 
 
 def alms_padded(alms, lmax):

@@ -103,19 +103,22 @@ def masked_alms(maps, *, mask=None, alms=None):
         for pixels, alm in zip(progress(maps, "analysis"), out, strict=True):
             alm[:] = sphere.analyse(weighted(pixels, weights).astype(maps.dtype))
         return out
-    out, kept = alms.astype(np.result_type(alms, kind)), weights > 0
-    if weights.min() == 1:
+    out, removed = alms.astype(np.result_type(alms, kind)), np.flatnonzero(weights < 1)
+    if not len(removed):
         out[:, 0] = 0
         return out
+    shares, field = 1 - weights[removed], np.zeros(len(weights), dtype=maps.dtype)
     for pixels, alm in zip(progress(maps, "analysis"), out, strict=True):
-        mean = np.average(pixels[kept], weights=weights[kept])
-        alm[0] = np.sqrt(4 * np.pi) * (pixels.mean(dtype=np.float64) - mean)
-        alm -= sphere.analyse(((1 - weights) * (pixels - mean)).astype(maps.dtype), n_iter=0)
+        total, some = pixels.sum(dtype=np.float64), pixels[removed].astype(np.float64)
+        mean = (total - shares @ some) / weights.sum()
+        alm[0] = np.sqrt(4 * np.pi) * (total / len(pixels) - mean)
+        field[removed] = shares * (some - mean)
+        alm -= sphere.analyse(field, n_iter=0)
     return out
 
 
-def angular_power_pair(truth_alms, error, *, mask=None):
-    """Angular power spectra of a recovered cube and of the truth, in little more than the time of one.
+def recovered_power(truth_alms, error, *, mask=None):
+    """Angular power spectrum of a recovered cube, from the coefficients of the truth.
 
     Only the few maps of the error are transformed: alm(recovered) = alm(truth) + spectra @ alm(maps).
 
@@ -133,9 +136,9 @@ def angular_power_pair(truth_alms, error, *, mask=None):
 
     Returns
     -------
-    tuple
-        Two `AngularPower`, of the recovered cube and of the truth, as `angular_power` gives them: the first,
-        up to l = 2 nside, to 1 % in a single channel at a single l, and to 0.1 % in the mean over channels.
+    AngularPower
+        As `angular_power` gives it: up to l = 2 nside to 1 % in a single channel at a single l, and to 0.1 %
+        in the mean over channels.
 
     Raises
     ------
@@ -143,6 +146,20 @@ def angular_power_pair(truth_alms, error, *, mask=None):
         A bad mask; coefficients that are not those of the channels of the error, or with a mask not to
         3 nside - 1.
     """
+    pseudo, weights = _recovered(truth_alms, error, mask)
+    return decouple(pseudo, None if mask is None else weights)
+
+
+def angular_power_pair(truth_alms, error, *, mask=None):
+    """`recovered_power` and that of the truth, two `AngularPower`; arguments and errors are the same."""
+    pseudo, weights = _recovered(truth_alms, error, mask)
+    pair = np.concatenate([pseudo, sphere.power_spectrum(truth_alms)])
+    power = decouple(pair, None if mask is None else weights)
+    return tuple(AngularPower(degrees=power.degrees, cl=cl) for cl in np.split(power.cl, 2))
+
+
+def _recovered(truth_alms, error, mask):
+    """C_l of the recovered cube times the mask, (n_channels, lmax + 1), and the weights of the mask."""
     n_channels, n_pix = len(error.spectra), error.maps.shape[1]
     weights = mask_weights(mask, n_pix)
     if mask is not None or np.ndim(truth_alms) != 2 or len(truth_alms) != n_channels:
@@ -157,13 +174,11 @@ def angular_power_pair(truth_alms, error, *, mask=None):
         # Of a term that is minor against the truth in every channel a rough analysis will do.
         minor = (spectrum**2 * np.mean(maps**2) < _MINOR * variance).all()
         alm[:] = sphere.analyse(maps.astype(np.float32), lmax, n_iter=0 if minor else sphere.N_ITER)
-    pseudo = np.empty((2, n_channels, lmax + 1))
+    pseudo = np.empty((n_channels, lmax + 1))
     for channels in progress(blocks(n_channels, _CHANNELS), "angular spectra"):
-        true = truth_alms[channels]
-        pseudo[0, channels] = sphere.power_spectrum(true + error.spectra[channels].astype(np.float32) @ alms)
-        pseudo[1, channels] = sphere.power_spectrum(true)
-    power = decouple(np.concatenate(pseudo), None if mask is None else weights)
-    return tuple(AngularPower(degrees=power.degrees, cl=cl) for cl in np.split(power.cl, 2))
+        recovered = truth_alms[channels] + error.spectra[channels].astype(np.float32) @ alms
+        pseudo[channels] = sphere.power_spectrum(recovered)
+    return pseudo, weights
 
 
 def _check_alms(alms, shape):

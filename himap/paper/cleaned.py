@@ -14,7 +14,14 @@ from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Assessment, Comparison
-from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair, line_errors, masked_alms
+from himap.measures.low_rank_spectra import (
+    FAINT,
+    Moments,
+    angular_power_pair,
+    line_errors,
+    masked_alms,
+    recovered_power,
+)
 from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import pipeline
 from himap.removal.cleaning import Cleaning
@@ -122,7 +129,7 @@ def assessment(case, remover, mask_peaks=True):
         errors, correlation = _against_all(low, wrong, truth)
     return Assessment(
         power_spectra=PowerSpectra(
-            angular=angular_power_pair(alms, wrong)[0],
+            angular=recovered_power(alms, wrong),
             frequency=moments.frequency_power((cut or spectra).frequency, width),
         ),
         correlation=correlation,

@@ -6,7 +6,7 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import in_threads
 from himap.measures import diagnostics
-from himap.measures.low_rank_spectra import Moments, angular_power_pair
+from himap.measures.low_rank_spectra import Moments, recovered_power
 from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.paper import cleaned, leakage, pipeline
 from himap.removal import harmonic
@@ -123,7 +123,7 @@ def spectra_with(foreground, case, remover):
     true = pipeline.true_spectra(case)
     error = cleaned.difference(case, bright, separation.foreground)
     return PowerSpectra(
-        angular=angular_power_pair(pipeline.truth_alms(case), error)[0],
+        angular=recovered_power(pipeline.truth_alms(case), error),
         frequency=Moments.of(truth, error).frequency_power(true.frequency, survey.channel_width),
     )
 

@@ -148,9 +148,12 @@ def signal(case, mask_peaks=True, lmax=None):
     masking took; (n_channels, n_pix) float32, mK, not kept.
     """
     observed = observation(case)
-    maps = basis(case, mask_peaks) - observed.maps  # first, for both are far brighter than HI
-    maps += observed.truth
-    maps = centred(maps)
+    maps = np.empty(observed.truth.shape, dtype=np.float32)
+    for row, *parts in zip(maps, basis(case, mask_peaks), observed.maps, observed.truth, strict=True):
+        given, seen, true = parts
+        np.subtract(given, seen, out=row)  # first, for both are far brighter than HI
+        row += true
+        row[:] = row - row.mean(dtype=np.float64)
     return maps if lmax is None else sphere.cut_cube(maps, lmax)
 
 

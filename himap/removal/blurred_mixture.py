@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from himap.removal.analysis import CubeModes
 from himap.removal.covariance import principal_axes
 from himap.removal.harmonic import blocks, safe_inverse
 
@@ -19,7 +20,8 @@ class BlurredMixture:
     Attributes
     ----------
     modes
-        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2).
+        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or `CubeModes` to that l or
+        further, whose modes of one l are made when they are needed, which takes less memory.
     beams
         H_l, (n_channels, lmax + 1).
     noise
@@ -28,7 +30,7 @@ class BlurredMixture:
         Eigenvalues of regularised normal equations below this share of the largest are raised to it.
     """
 
-    modes: np.ndarray
+    modes: np.ndarray | CubeModes
     beams: np.ndarray
     noise: np.ndarray | None = None
     floor: float = 1e-14
@@ -37,6 +39,12 @@ class BlurredMixture:
     def lmax(self):
         """Largest multipole."""
         return self.beams.shape[1] - 1
+
+    def _by_degree(self):
+        """The modes of each l in turn, (n_channels, 2 l + 1)."""
+        if isinstance(self.modes, CubeModes):
+            return map(self.modes.at, range(self.lmax + 1))
+        return blocks(self.modes)
 
     def at_one_resolution(self, which="lowest"):
         """Sum over modes of X X^T, X re-convolved to one beam, (n_channels, n_channels).
@@ -47,8 +55,8 @@ class BlurredMixture:
         twice.
         """
         target = self.beams[0] if which == "first" else self.beams.min(axis=0)
-        products = np.zeros((len(self.modes), len(self.modes)))
-        for ratio, block in zip((target / self.beams).T, blocks(self.modes), strict=True):
+        products = np.zeros((len(self.beams), len(self.beams)))
+        for ratio, block in zip((target / self.beams).T, self._by_degree(), strict=True):
             convolved = ratio[:, None] * block
             if which == "first":
                 convolved[:, 1:] /= np.sqrt(2)
@@ -102,8 +110,8 @@ class BlurredMixture:
 
     def sources(self, inverses):
         """S_l = P_l X_l of every l, real modes (n_sources, (lmax + 1)^2)."""
-        sources = np.empty((inverses.shape[-2], self.modes.shape[-1]))
-        for inverse, data, out in zip(inverses, blocks(self.modes), blocks(sources), strict=True):
+        sources = np.empty((inverses.shape[-2], (self.lmax + 1) ** 2))
+        for inverse, data, out in zip(inverses, self._by_degree(), blocks(sources), strict=True):
             np.matmul(inverse, data, out=out)
         return sources
 
@@ -117,16 +125,18 @@ class BlurredMixture:
         `window` (lmax + 1,) makes of the data what `sources` are: 1, or the detail scales.
         """
         n = len(sources)
-        gram = _cross_products(sources, sources)
+        gram = _cross_products(blocks(sources), sources)
         normal = (self.beams**2 @ gram.reshape(-1, n * n)).reshape(-1, n, n)
-        cross = np.einsum("cl,lcn->cn", self.beams * window, _cross_products(self.modes, sources))
+        cross = np.einsum("cl,lcn->cn", self.beams * window, _cross_products(self._by_degree(), sources))
         return np.einsum("cmn,cn->cm", _inverse(normal, self.floor), cross)
 
     def residual(self, mixing, sources):
         """X - H A S, real modes (n_channels, (lmax + 1)^2)."""
-        residual = np.empty_like(self.modes)
-        by_degree = zip(self.matrices(mixing), *map(blocks, (sources, self.modes, residual)), strict=True)
-        for matrix, source, data, out in by_degree:
+        residual = np.empty((len(self.beams), (self.lmax + 1) ** 2))
+        by_degree = zip(
+            self.matrices(mixing), self._by_degree(), *map(blocks, (sources, residual)), strict=True
+        )
+        for matrix, data, source, out in by_degree:
             np.subtract(data, matrix @ source, out=out)
         return residual
 
@@ -141,15 +151,15 @@ class BlurredMixture:
         length, kept_length = (
             np.where(norm > 0, norm, 1) for norm in (np.linalg.norm(s, axis=1) for s in (sources, kept))
         )
-        cross = np.einsum("cl,lcn->cn", self.beams, _cross_products(residual, kept)) / kept_length
-        gram = _cross_products(sources, kept) / np.outer(length, kept_length)
+        cross = np.einsum("cl,lcn->cn", self.beams, _cross_products(blocks(residual), kept)) / kept_length
+        gram = _cross_products(blocks(sources), kept) / np.outer(length, kept_length)
         gram = np.einsum("cl,lmn->cmn", self.beams**2, gram)
         return mixing + np.einsum("cn,cnm->cm", cross, np.linalg.pinv(gram, rcond=_RANK)) / length
 
 
-def _cross_products(modes, sources):
-    """Sum over m of X_l S_l^T for every l, (n_l, n_channels, n_sources)."""
-    return np.stack([data @ source.T for data, source in zip(blocks(modes), blocks(sources), strict=True)])
+def _cross_products(by_degree, sources):
+    """Sum over m of X_l S_l^T for every l, (n_l, n_channels, n_sources), of the modes X of each l in turn."""
+    return np.stack([data @ source.T for data, source in zip(by_degree, blocks(sources), strict=True)])
 
 
 def _inverse(matrices, floor):
@@ -169,5 +179,5 @@ def one_resolution_eigenvalues(modes, beams, lmax):
 
     `modes` are `CubeModes`, `beams` b_l, (n_channels, n_l), and both count to `lmax`.
     """
-    mixture = BlurredMixture(modes.upto(lmax), beams[:, : lmax + 1])
+    mixture = BlurredMixture(modes, beams[:, : lmax + 1])
     return np.linalg.eigvalsh(mixture.at_one_resolution())[::-1] / (4 * np.pi)

@@ -166,19 +166,20 @@ class SDecGMCA(ForegroundRemover):
     def problem(self, data):
         """Where `fit` of the `data` starts: `BlurredMixture`, `Scales`, and A, perturbed by `restart`."""
         nside = sphere.nside_of(data.maps)
-        mixture = self._mixture(data, min(self.lmax, 2 * nside, data.beams.shape[1] - 1))
+        lmax = min(self.lmax, 2 * nside, data.beams.shape[1] - 1)
+        mixture = self._mixture(data, lmax, data.modes.upto(lmax))
         start = mixture.start(self.n_sources, self.start_channel)
         if self.restart:
             normal = np.random.default_rng(self.restart).standard_normal(start.shape)
             start = start * (1 + _PERTURBATION * normal)
         return mixture, Scales(self, mixture.lmax, nside), start
 
-    def _mixture(self, data, lmax):
-        """The `BlurredMixture` of the data up to `lmax`."""
+    def _mixture(self, data, lmax, modes):
+        """The `BlurredMixture` of the data up to `lmax`, with their `modes`."""
         noise = data.noise if self.noise is None else self.noise
         beams = data.beams / data.beams.max(axis=0) if self.resolution == "best" else data.beams
         return BlurredMixture(
-            data.modes.upto(lmax),
+            modes,
             beams[:, : lmax + 1],
             noise=None if noise is None else noise_per_mode(noise, *data.maps.shape),
             floor=self.floor,
@@ -195,7 +196,7 @@ class SDecGMCA(ForegroundRemover):
         fit, nside = self.fit(data), sphere.nside_of(data.maps)
         lmax = math.isqrt(fit.sources.shape[1]) - 1
         top = min(3 * nside, data.beams.shape[1]) - 1 if self.beyond == "regularised" else lmax
-        mixture = replace(self._mixture(data, top), floor=self.last_floor)
+        mixture = replace(self._mixture(data, top, data.modes), floor=self.last_floor)
         sources, epsilon = self.last_sources(mixture, Scales(self, lmax, nside), fit.mixing, fit.sources)
         if self.beyond != "projection":
             low_rank = on_sky(seen_through(sources, fit.mixing, mixture.beams), nside)
