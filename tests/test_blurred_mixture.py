@@ -1,10 +1,13 @@
 """The products per l of beams, sources and data against loops over every (l, m)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sparse_problem import largest_angle
 
 from himap.removal import harmonic
+from himap.removal.analysis import CubeModes
 from himap.removal.blurred_mixture import BlurredMixture
 
 
@@ -65,3 +68,22 @@ def test_noise_of_sources(small, rng):
     inverses = harmonic.safe_inverse(channels.matrices(mixing))
     expected = [np.diag(inverse @ np.diag(channels.noise) @ inverse.T) for inverse in inverses]
     assert channels.source_noise(inverses) == pytest.approx(np.array(expected))
+
+
+def test_modes_of_a_cube_do_as_an_array_does(small, rng):
+    """They go further than the beams, and are made for one l after the other."""
+    channels, mixing = small
+    further = np.hstack([channels.modes, rng.standard_normal((5, 9))])
+    axes, _ = np.linalg.qr(rng.standard_normal((5, 2)))
+    bright = axes.T @ further
+    modes = CubeModes(spectra=axes, bright=bright, rest=(further - axes @ bright).astype(np.float32))
+    made, sources = replace(channels, modes=modes), rng.standard_normal((2, 16))
+    inverses, window = channels.least_squares(mixing), np.ones(4)
+    for of_cube, of_array in (
+        (made.sources(inverses), channels.sources(inverses)),
+        (made.residual(mixing, sources), channels.residual(mixing, sources)),
+        (made.fit(sources, window), channels.fit(sources, window)),
+        (made.at_one_resolution(), channels.at_one_resolution()),
+        (made.at_one_resolution("first"), channels.at_one_resolution("first")),
+    ):
+        assert of_cube == pytest.approx(of_array, rel=1e-5, abs=1e-6)

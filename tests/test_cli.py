@@ -258,7 +258,7 @@ from himap.store import parallel
 @shared.workers
 def work():
     from trapped_work import one
-    print(parallel.make_all(one, [(1,), (2,)], "work"))
+    print(parallel.make_all([(one, (1,)), (one, (2,))], "work"))
 
 main.main(["work", "--jobs", "2"])
 """

@@ -20,6 +20,7 @@ distributed = pytest.importorskip("distributed")
 
 CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
 CALLS = [(CASE, PCA(n_sources=n), True) for n in (1, 2, 3, 4)]
+WORK = [(cleaned.assessment, call) for call in CALLS]
 
 TWO = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
 ONE = TWO | {"n_workers": 1}
@@ -39,9 +40,9 @@ def address(cluster, monkeypatch):
 
 def test_errors_come_back(address, monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-    too_many = [(CASE, PCA(n_sources=30), True)]
+    too_many = [(cleaned.assessment, (CASE, PCA(n_sources=30), True))]
     with pytest.raises(InputError, match="n_sources must be at most the number of channels, 20, got 30"):
-        make_all(cleaned.assessment, too_many, "test")
+        make_all(too_many, "test")
 
 
 KILL = """
@@ -73,7 +74,7 @@ def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
     with distributed.LocalCluster(**TWO, preload=[str(tmp_path / "fatal.py")]) as two:
         monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
-        assert make_all(cleaned.assessment, CALLS, "test") == len(CALLS)
+        assert make_all(WORK, "test") == len(CALLS)
     assert victim.exists()
     monkeypatch.delenv(DASK_VARIABLE)
     found = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
@@ -126,14 +127,14 @@ def test_workers_that_write_elsewhere(address, monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
     monkeypatch.setattr(cleaned.assessment, "is_cached", lambda *call: False)
     with pytest.raises(InputError, match=f"do not share the cache folder {tmp_path}"):
-        make_all(cleaned.assessment, CALLS[:1], "test")
+        make_all(WORK[:1], "test")
 
 
 def test_workers_that_die_again_and_again(lab, monkeypatch):
     with distributed.LocalCluster(**ONE) as one:
         monkeypatch.setenv(DASK_VARIABLE, one.scheduler_address)
         with pytest.raises(InputError, match=r"4 workers of tcp.* died one after the other making dying"):
-            make_all(lab.dying, [(1,)], "test")
+            make_all([(lab.dying, (1,))], "test")
 
 
 def test_a_scheduler_that_goes_away(lab, monkeypatch, tmp_path, capfd):
@@ -143,5 +144,5 @@ def test_a_scheduler_that_goes_away(lab, monkeypatch, tmp_path, capfd):
     gate = str(tmp_path / "gate")  # that nobody opens
     threading.Timer(3, one.close).start()
     with pytest.raises(InputError, match="the Dask scheduler at tcp.* is gone. What was done is kept"):
-        make_all(lab.slow, [(n, gate) for n in (1, 2)], "test")
+        make_all([(lab.slow, (n, gate)) for n in (1, 2)], "test")
     assert "distributed.client" not in capfd.readouterr().err

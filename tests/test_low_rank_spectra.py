@@ -10,7 +10,14 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
 from himap.measures import low_rank_spectra as measures
-from himap.measures.low_rank_spectra import FAINT, Moments, angular_power_pair, difference, masked_alms
+from himap.measures.low_rank_spectra import (
+    FAINT,
+    Moments,
+    angular_power_pair,
+    difference,
+    masked_alms,
+    recovered_power,
+)
 from himap.measures.spectra import angular_power, frequency_power
 
 NSIDE = 32
@@ -132,6 +139,12 @@ def pair():
 
 class TestPair:
     """Both angular spectra at once, against each by itself."""
+
+    @pytest.mark.parametrize("mask", [None, CUT])
+    def test_the_recovered_one_alone(self, pair, mask):
+        alms, error = masked_alms(pair[1], mask=mask), difference(*pair, mask=mask)
+        found, (expected, _) = (f(alms, error, mask=mask) for f in (recovered_power, angular_power_pair))
+        assert found.cl == pytest.approx(expected.cl, rel=1e-12)
 
     @pytest.mark.parametrize("mask", [None, CUT, CUT * 0.5])
     def test_against_one_by_one(self, pair, mask):

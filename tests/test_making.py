@@ -68,14 +68,24 @@ def test_light_cones_come_first_and_no_more_at_once_than_the_memory_holds(monkey
     """In a process that makes one, no other is at work on what else an observation needs."""
     needed, order, make_all = estimate(SURVEY), [], cleaned.make_all
 
-    def watched(product, calls, *args, at_once=None):
-        order.append((product.name.rpartition(".")[2], at_once))
-        return make_all(product, calls, *args, at_once=at_once)
+    def watched(work, *args, at_once=None):
+        order.append(({product.name.rpartition(".")[2] for product, _ in work}, at_once))
+        return make_all(work, *args, at_once=at_once)
 
     monkeypatch.setattr(cleaned, "make_all", watched)
     monkeypatch.setenv("HIMAP_MAX_MEMORY", f"{1.5 * max(needed.values()) / 1e9:.3f}GB")
     cleaned.make(CALLS[:4])
-    assert order == [("hi_alms_of_sky", 1), ("peak_masked", 1), ("assessment", None)]
+    assert order == [({"hi_alms_of_sky"}, 1), ({"peak_masked"}, 1), ({"assessment"}, None)]
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_products_of_several_kinds_are_made_side_by_side(monkeypatch, jobs):
+    """What needs another makes it, or waits for the process that does."""
+    monkeypatch.setenv(JOBS_VARIABLE, jobs)
+    calls = [(CASES[0], method, True) for method in METHODS]
+    kinds = cleaned.post_masked, cleaned.assessment
+    assert cleaned.make([(kind, call) for kind in kinds for call in calls]) == 4
+    assert _held()["post_masked"] == _held()["assessment"] == _held()["separation"] == 2
 
 
 def test_what_was_there_before_stays():

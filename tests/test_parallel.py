@@ -17,6 +17,7 @@ from himap.store.parallel import JOBS_VARIABLE, make_all, n_jobs
 
 CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
 CALLS = [(CASE, PCA(n_sources=n), True) for n in (1, 2, 3)]
+WORK = [(cleaned.assessment, call) for call in CALLS]
 
 
 def test_what_is_missing_is_made_once_and_the_same_by_processes(monkeypatch, tmp_path):
@@ -26,8 +27,8 @@ def test_what_is_missing_is_made_once_and_the_same_by_processes(monkeypatch, tmp
         monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / folder))
         monkeypatch.setenv(JOBS_VARIABLE, jobs)
         cleaned.assessment(*CALLS[1])
-        assert make_all(cleaned.assessment, CALLS, "test") == 2
-        assert make_all(cleaned.assessment, CALLS, "test") == 0
+        assert make_all(WORK, "test") == 2
+        assert make_all(WORK, "test") == 0
         assert all(cleaned.assessment.is_cached(*call) for call in CALLS)
         found.append([cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS])
     assert all(np.array_equal(found[0], other) for other in found[1:])
@@ -40,7 +41,7 @@ def test_processes_share_the_cores(lab, monkeypatch):
     monkeypatch.setattr("joblib.cpu_count", lambda: 8)
     get_reusable_executor().shutdown()
     with pytest.warns(RuntimeWarning, match="this is number"):
-        make_all(lab.threads, [(1,), (2,)], "test")
+        make_all([(lab.threads, (1,)), (lab.threads, (2,))], "test")
     assert lab.threads(1) == lab.threads(2) == 4 and "DUCC0_NUM_THREADS" not in os.environ
 
 
@@ -77,8 +78,8 @@ def test_a_process_that_is_killed_is_one_clear_error(lab, monkeypatch):
     monkeypatch.setenv(JOBS_VARIABLE, "2")
     get_reusable_executor().shutdown()  # so that new ones find the module
     with pytest.raises(InputError, match=r"one of 2 processes died of signal 9 \(SIGKILL\) as it made dying"):
-        make_all(lab.dying, [(1,), (2,)], "test")
-    assert make_all(lab.slow, [(1,), (2,)], "test") == 2
+        make_all([(lab.dying, (1,)), (lab.dying, (2,))], "test")
+    assert make_all([(lab.slow, (1,)), (lab.slow, (2,))], "test") == 2
 
 
 def test_processes_end_with_the_one_that_asked(lab, monkeypatch, tmp_path):
@@ -86,7 +87,7 @@ def test_processes_end_with_the_one_that_asked(lab, monkeypatch, tmp_path):
     monkeypatch.setenv(JOBS_VARIABLE, "2")
     gate = str(tmp_path / "never")
     code = "from himap.store.parallel import make_all\n"
-    asking = lab.start(f"{code}make_all(lab.slow, [(1, {gate!r}), (2, {gate!r})], 'test')")
+    asking = lab.start(f"{code}make_all([(lab.slow, (1, {gate!r})), (lab.slow, (2, {gate!r}))], 'test')")
     lab.wait_for(lambda: lab.computed() == ["slow", "slow"])
     working = psutil.Process(asking.pid).children(recursive=True)
     asking.kill()

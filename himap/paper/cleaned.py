@@ -208,7 +208,7 @@ def compared(*call, masked=False):
 def make(work):
     """Make what is missing of products, [(product, arguments)], several at a time; returns how many.
 
-    The first argument is a `pipeline.Case`, or the `Survey` of a sky.
+    They are begun in this order. The first argument is a `pipeline.Case`, or the `Survey` of a sky.
 
     Raises
     ------
@@ -221,11 +221,9 @@ def make(work):
         survey = next(iter(cases)).survey
         check_memory(survey, jobs=n_jobs(), steps=["cleaning"])
         make_hi(case.survey.sky for case in cases if not pipeline.observation.is_cached(case))
-        masked = [(case,) for case in cases]
-        make_all(pipeline.peak_masked, masked, "observations", at_once=fitting(survey, "observing"))
-    for wanted in dict.fromkeys(wanted for wanted, _ in missing):
-        calls = [call for other, call in missing if other is wanted]
-        make_all(wanted, calls, wanted.name.rpartition(".")[2])
+        masked = [(pipeline.peak_masked, (case,)) for case in cases]
+        make_all(masked, "observations", at_once=fitting(survey, "observing"))
+    make_all(missing, "results")
     return len(missing)
 
 
@@ -233,7 +231,7 @@ def make_hi(skies):
     """Make the coefficients of HI of some `Survey.sky`, as many at once as the memory holds light cones."""
     if skies := dict.fromkeys(skies):
         at_once = fitting(next(iter(skies)), "HI light cone")
-        make_all(pipeline.hi_alms_of_sky, [(sky,) for sky in skies], "HI", at_once=at_once)
+        make_all([(pipeline.hi_alms_of_sky, (sky,)) for sky in skies], "HI", at_once=at_once)
 
 
 def make_by_case(work):

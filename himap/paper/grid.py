@@ -149,7 +149,7 @@ def make_products(work):
             surveys |= {replace(call[0].survey, seed=mock.seed): None for mock in mocks}
     with temporary(pipeline.hi_of_sky):
         cleaned.make_hi(survey.sky for survey in surveys)
-        make_all(pipeline.noise_alms, [(survey,) for survey in surveys], "noise of mocks")
+        make_all([(pipeline.noise_alms, (survey,)) for survey in surveys], "noise of mocks")
     cleaned.make_by_case(work)
 
 

@@ -66,18 +66,17 @@ def check_scheduler():
             _client(_CHECK).close()
 
 
-def make_all(product, calls, description, *, at_once=None):
-    """Make sure that products are in the cache: in `n_jobs()` processes at once, or on the Dask cluster.
+def make_all(work, description, *, at_once=None):
+    """Make sure that results are in the cache: in `n_jobs()` processes at once, or on the Dask cluster.
 
     What is there already is not made again, so work that was interrupted goes on where it stopped. Cubes
     do not travel: each process keeps what it computes in the cache folder, and reads from there.
 
     Parameters
     ----------
-    product
-        A `himap.store.store.Product`.
-    calls
-        The arguments of each call, a list of tuples.
+    work
+        Pairs (`himap.store.store.Product`, tuple of its arguments), a list; begun in this order, so that what
+        others need comes first.
     description
         A word or two in front of the bar, which shows the time left.
     at_once
@@ -94,15 +93,15 @@ def make_all(product, calls, description, *, at_once=None):
         A process that was killed; a Dask scheduler that does not answer, or no longer, workers that die again
         and again, or that write to another cache folder.
     """
-    missing = [call for call in calls if not product.is_cached(*call)]
+    missing = [(product, call) for product, call in work if not product.is_cached(*call)]
     if not missing:
         return 0
     if dask_address():
-        done = _on_cluster(product, missing)
+        done = _on_cluster(missing)
     elif (jobs := min(n_jobs(), len(missing), at_once or len(missing))) > 1:
-        done = _in_processes(product, missing, jobs)
+        done = _in_processes(missing, jobs)
     else:
-        done = (_make(product, call, _settings()) for call in missing)
+        done = (_make(product, call, _settings()) for product, call in missing)
     for made, caught in progress(done, description, total=len(missing)):
         MADE.extend(made)
         for message, category in caught:
@@ -110,7 +109,7 @@ def make_all(product, calls, description, *, at_once=None):
     return len(missing)
 
 
-def _in_processes(product, missing, jobs):
+def _in_processes(missing, jobs):
     """What `_make` returns of each piece of work as it is done; `jobs` processes share the cores."""
     kills = memory_kills()
     # joblib tells this to every other package with threads. New processes read it when they begin.
@@ -118,15 +117,16 @@ def _in_processes(product, missing, jobs):
     try:
         # The processes live on for the next call, so each piece of work brings the settings of this one.
         folder = run_folder()
-        work = (joblib.delayed(_make)(product, call, _settings(), folder, os.getpid()) for call in missing)
+        work = (joblib.delayed(_make)(*one, _settings(), folder, os.getpid()) for one in missing)
         options = {"temp_folder": str(folder), "return_as": "generator_unordered"}
         with patch.dict(os.environ, {_TRANSFORM_THREADS: threads}):
             yield from joblib.Parallel(n_jobs=jobs, **options)(work)
     except TerminatedWorkerError as error:
         cause = cause_of_death(map(int, re.findall(r"\((-?\d+)\)", str(error))), kills)
         more = " with fewer --jobs, or on a machine with more memory" if "memory" in cause else ""
+        names = " or ".join(dict.fromkeys(product.name for product, _ in missing))
         raise InputError(
-            f"one of {jobs} processes died of {cause} as it made {product.name}. What was done is kept: run "
+            f"one of {jobs} processes died of {cause} as it made {names}. What was done is kept: run "
             f"the same again{more}."
         ) from None
 
@@ -169,7 +169,7 @@ def _client(seconds):
         ) from None
 
 
-def _on_cluster(product, missing):
+def _on_cluster(missing):
     """What `_make` returns of each piece of work as it is done; what a dead worker had goes to another."""
     address, client = dask_address(), _client(_CONNECT)
     from distributed import KilledWorker, as_completed
@@ -177,9 +177,7 @@ def _on_cluster(product, missing):
     settings = _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
     settings.pop(DASK_VARIABLE)
     with client, _silent_client():
-        futures = [
-            client.submit(_make, product, call, settings, pure=False, retries=_RETRIES) for call in missing
-        ]
+        futures = {client.submit(_make, *one, settings, pure=False, retries=_RETRIES): one for one in missing}
         for future in as_completed(futures):
             if future.cancelled():
                 raise InputError(
@@ -189,11 +187,12 @@ def _on_cluster(product, missing):
             try:
                 yield future.result()
             except KilledWorker as error:
+                name = futures[future][0].name
                 raise InputError(
                     f"{error.allowed_failures + 1} workers of {address} died one after the other making "
-                    f"{product.name}; their logs say why. What was done is kept: run the same again."
+                    f"{name}; their logs say why. What was done is kept: run the same again."
                 ) from None
-    if not all(product.is_cached(*call) for call in missing):
+    if not all(product.is_cached(*call) for product, call in missing):
         raise InputError(
             f"the workers of {address} do not share the cache folder {settings['HIMAP_CACHE']}, or run other "
             "code: set HIMAP_CACHE to a folder that all machines see, and install one himap on all of them."
