@@ -48,7 +48,7 @@ from himap.maps import sphere
 from himap.paper.methods import paper_beams, table_1
 from himap.paper.study import Study
 from himap.removal.pca import PCA
-from himap.removal.peaks import mask_peaks, smooth_baselines
+from himap.removal.peaks import smooth_baselines
 
 beams = paper_beams(ripple=ripple)
 selected = beams.get(beam) or named(beam)
@@ -63,7 +63,14 @@ observed = study.observed(selected)
 freqs = observed.freqs
 channel, pixel = np.unravel_index(observed.truth.argmax(), observed.truth.shape)  # the brightest HI
 line = observed.maps[:, pixel].astype(float)
-own = smooth_baselines(line[:, None], freqs, order=order, n_sigma=n_sigma)
+
+
+def baselines(lines):
+    """Both polynomials of lines of sight, and what is flagged."""
+    return smooth_baselines(lines, freqs, order=order, n_sigma=n_sigma)
+
+
+own = baselines(line[:, None])
 first, second, flagged = (own.basis @ own.first)[:, 0], (own.basis @ own.second)[:, 0], own.flagged[:, 0]
 
 # %% [markdown]
@@ -165,11 +172,9 @@ show(
 # oscillating beam, over most of the sky.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-sky", "caption": "Share of the channels that are masked, averaged over cells of 7 degrees, for the three beams."}}
-masked = {
-    name: mask_peaks(study.observed(beams[name]).maps, freqs, order=order, n_sigma=n_sigma) for name in beams
-}
+fits = {name: baselines(study.observed(beams[name]).maps) for name in beams}
 cells = min(8, study.survey.nside)
-share = {name: 100 * sphere.change_resolution(masked[name].flagged.mean(axis=0), cells) for name in beams}
+share = {name: 100 * sphere.change_resolution(fits[name].flagged.mean(axis=0), cells) for name in beams}
 top = max(np.percentile(pixels, 99) for pixels in share.values())
 study.stamped(plotting.sky_maps(share, columns=3, unit="%", span=(0, top)))
 
@@ -184,9 +189,8 @@ study.stamped(plotting.sky_maps(share, columns=3, unit="%", span=(0, top)))
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-origin", "caption": "Cumulative distribution of the foreground's share in the height of masked peaks: 0 is HI, 1 foreground; below 0 the foreground is under its baseline. Dotted: equal contributions."}}
 
 
-def left_over(maps, kept):
-    """What the first polynomial leaves of `maps` in the voxels of `kept`, mK, (n_voxels,)."""
-    fit = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma)
+def heights(maps, fit, kept):
+    """How far `maps` are from the first polynomials of `fit` in the voxels of `kept`, mK, (n_voxels,)."""
     parts = [
         row[k] - polynomials @ fit.first[:, k]
         for row, k, polynomials in zip(maps, kept, fit.basis, strict=True)
@@ -202,13 +206,15 @@ def percent(chosen):
 distance = np.abs(sphere.pixel_latitude(study.survey.nside))  # from the Galactic plane, deg
 curves, numbers, by_latitude = [], {}, {}
 for name in beams:
-    observation, where = study.observed(beams[name]), masked[name].flagged
-    from_all, from_hi = left_over(observation.maps, where), left_over(observation.truth, where)
+    observation, where = study.observed(beams[name]), fits[name].flagged
+    fit_of_hi = baselines(observation.truth)
+    from_all = heights(observation.maps, fits[name], where)
+    from_hi = heights(observation.truth, fit_of_hi, where)
     foreground_share = 1 - from_hi / from_all
     grid = np.linspace(-0.5, 1, 601)
     below = np.searchsorted(np.sort(foreground_share), grid) / max(len(foreground_share), 1)
     curves.append((grid, below, styles.BEAM_STYLES[name]))
-    peaks = smooth_baselines(observation.truth, freqs, order=order, n_sigma=n_sigma).flagged
+    peaks = fit_of_hi.flagged
     by_latitude[name] = {
         part: percent(where[:, lines][peaks[:, lines]])
         for part, lines in {"plane": distance < 10, "pole": distance > 60}.items()
@@ -253,9 +259,12 @@ quote(
 # $5\,\sigma$). Without it power is lost, mostly in $P$ at the smallest $k_\nu$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the angular (left) and frequency (right) power spectrum of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams)."}}
+pcas = {name: PCA(n_sources=table_1(one)["n_sources"]) for name, one in beams.items()}
+for is_masked in (True, False):
+    study.prepare({beams[name]: [pca] for name, pca in pcas.items()}, mask_peaks=is_masked)
 angular, frequency, numbers, changes = [], [], {}, {}
-for name in beams:
-    pca, style = PCA(n_sources=table_1(beams[name])["n_sources"]), styles.BEAM_STYLES[name]
+for name, pca in pcas.items():
+    style = styles.BEAM_STYLES[name]
     degrees, c_masked, k, p_masked = study.ratios(beams[name], pca)
     _, c_plain, _, p_plain = study.ratios(beams[name], pca, mask_peaks=False)
     c_change, p_change = 100 * (c_plain / c_masked - 1), 100 * (p_plain / p_masked - 1)
