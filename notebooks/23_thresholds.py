@@ -114,8 +114,8 @@ for band, title in (
     ("P/P0, 0.03-0.1", r"$0.03 < k_\nu \leq 0.1$"),
 ):
     for part, label, scale in (
-        ("kept", "HI kept / HI + noise", "linear"),
-        ("left", "foreground left / (HI + noise)", "log"),
+        ("kept", "preserved / (HI + noise)", "linear"),
+        ("left", "foreground residual / (HI + noise)", "log"),
     ):
         curves = [
             (
@@ -145,7 +145,7 @@ for band, title in (
 study.stamped(plotting.lines(panels), beam=case.beam)
 
 # %% tags=["hide-input"]
-columns = {"C/C0": "recovered", "kept": "kept", "left": "left"}
+columns = {"C/C0": "recovered", "preserved": "kept", "foreground residual": "left"}
 
 
 def row(name, n, band):
@@ -174,7 +174,7 @@ show_table(rows)
 smooth = create("smooth_spectra", n_sources=n_sources[min(1, len(n_sources) - 1)])
 paper = table_1(case.beam)["n_sources"]
 paper = paper if paper in n_sources else smooth.n_sources
-beside = [("sdecgmca", paper), ("beam_subspace", smooth.n_sources)]
+others = [("sdecgmca", paper), ("beam_subspace", smooth.n_sources)]
 known = corrected(case, smooth)
 
 
@@ -197,7 +197,7 @@ def compared(name, n, over=None):
 
 curves = [
     (looks[name] | {"label": f"{names[name]} {n}", "marker": ""}, compared(name, n))
-    for name, n in (*beside, ("smooth_spectra", smooth.n_sources))
+    for name, n in (*others, ("smooth_spectra", smooth.n_sources))
 ]
 bold = {"color": "black", "linestyle": ":", "label": "SmoothSpectra, corrected"}
 curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))

@@ -86,7 +86,7 @@ nside, n_channels = study.survey.nside, study.survey.n_channels
 # ## The survey
 #
 # Dishes scan at one elevation while the sky drifts. Hits are most where many blocks overlap, and the noise
-# falls with their square root. A few channels are lost completely, others in bursts, and some voxels singly
+# falls with their square root. A few channels are flagged completely, others in bursts, and some voxels singly
 # (`himap.paper.patch.Patch`). Compare the edge of the patch with its middle.
 
 # %% tags=["hide-input"]
@@ -106,21 +106,21 @@ def shown(pixels):
 
 maps_of_hits = {
     "hits": shown(hits),
-    "share of the channels that is lost [%]": shown(100 * flags.mean(axis=0)),
+    "share of the channels that is flagged [%]": shown(100 * flags.mean(axis=0)),
 }
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-hits", "caption": "Hits of the pixels, relative to the largest (left), and the share of the channels that is lost on each line of sight (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-hits", "caption": "Hits of the pixels, relative to the largest (left), and the share of the channels that is flagged on each line of sight (right)."}}
 study.stamped(plotting.sky_maps(maps_of_hits, box=field.box, unit=""), beam=selected, patch=patch)
 
 # %% [markdown]
 # Channels at 100 % are not in the cube.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-flags", "caption": "Share of the pixels of the patch that is lost in each channel."}}
-lost = 100 * flags[:, inside].mean(axis=1)
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-flags", "caption": "Share of the pixels of the patch that is flagged in each channel."}}
+flagged = 100 * flags[:, inside].mean(axis=1)
 panel = {
-    "curves": [(study.survey.freqs, lost, {"color": styles.BLUE})],
+    "curves": [(study.survey.freqs, flagged, {"color": styles.BLUE})],
     "xlabel": styles.CHANNELS,
-    "ylabel": "lost [%]",
+    "ylabel": "flagged [%]",
 }
 study.stamped(plotting.lines([panel], columns=1, size=(7.2, 2.8)), beam=selected, patch=patch)
 
@@ -129,8 +129,8 @@ show(
     {
         "area": (float(inside.mean() * 41253), 2.0, "deg²"),
         "pixels": int(inside.sum()),
-        "channels that are lost": int((lost == 100).sum()),
-        "other voxels that are lost": (float(lost[lost < 100].mean()), 0.1, "%"),
+        "channels that are flagged": int((flagged == 100).sum()),
+        "other voxels that are flagged": (float(flagged[flagged < 100].mean()), 0.1, "%"),
         "rms of the foreground less its mean": (
             float(np.sqrt(foreground[:, inside].var(axis=1).mean())),
             2.0,
@@ -183,8 +183,8 @@ methods = {
 }
 
 
-def left_of(method, way, maps=cube.maps):
-    """What is left by a method, in all channels and pixels, 0 where nothing is."""
+def residual_of(method, way, maps=cube.maps):
+    """The residual of a method in all channels and pixels, 0 where nothing is seen."""
     name, parameters = methods[method]
     cleaned = clean_cube(of_way(way, maps), name, peaks=False, **parameters)
     return on_grid(cleaned.residual)
@@ -196,7 +196,7 @@ def on_grid(residual):
     return out
 
 
-left = {(method, way): left_of(method, way) for method in methods for way in WAYS}
+residuals = {(method, way): residual_of(method, way) for method in methods for way in WAYS}
 
 # %% tags=["hide-input"]
 channel = int(cube.layout.channels[len(cube.freqs) // 2])
@@ -213,12 +213,12 @@ def at(pixels):
 pictures = {
     "before": at(maps[channel]),
     "HI and noise": at(truth[channel]),
-    "left, weights and flags": at(left[first, "weights and flags"][channel]),
-    "left, neither": at(left[first, "neither"][channel]),
+    "residual, weights and flags": at(residuals[first, "weights and flags"][channel]),
+    "residual, neither": at(residuals[first, "neither"][channel]),
 }
 low, high = np.nanpercentile(pictures["HI and noise"], (1, 99))
 span = {title: (low, high) for title in pictures if title != "before"}
-errors_at = {way: at(left[first, way][channel] - truth[channel]) for way in WAYS}
+errors_at = {way: at(residuals[first, way][channel] - truth[channel]) for way in WAYS}
 widest = np.nanpercentile(np.abs(list(errors_at.values())), 99)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-maps", "caption": "A channel in the middle of the band: as observed; the truth; the residual of PCA with weights and flags, and with neither; all but the first on one colour scale. Unobserved pixels are white."}}
@@ -255,7 +255,7 @@ power = PatchPower(
 alms_of_truth = power.alms(truth)
 true = power(truth, alms_of_truth)
 spectra, wrong = {}, {}
-for key, one in left.items():
+for key, one in residuals.items():
     alms = power.alms(one)
     spectra[key], wrong[key] = power(one, alms), power(one - truth, alms - alms_of_truth)
 
@@ -298,7 +298,7 @@ def over_truth(found):
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "C/C0 (left) and P/P0 (right) of the residual, for each method (rows)."}}
-study.stamped(ratios_figure(over_truth(spectra), "left / truth"), beam=selected, patch=patch)
+study.stamped(ratios_figure(over_truth(spectra), "residual / truth"), beam=selected, patch=patch)
 
 # %% [markdown]
 # In the power of the error foreground residual and signal loss do not cancel.
@@ -327,12 +327,13 @@ mocks = [
 put_in = [on_grid(mock) for mock in mocks]
 of_mocks = [power.alms(mock) for mock in put_in]
 shares = {}
-for key in left:
-    returned = [left_of(*key, cube.maps + mock) - left[key] for mock in mocks]
+for key in residuals:
+    returned = [residual_of(*key, cube.maps + mock) - residuals[key] for mock in mocks]
     shares[key] = power.share(put_in, returned, of_mocks)
 
 corrected = {
-    key: {kind: spectra[key][kind][1] / shares[key][kind] / true[kind][1] for kind in true} for key in left
+    key: {kind: spectra[key][kind][1] / shares[key][kind] / true[kind][1] for kind in true}
+    for key in residuals
 }
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "C/C0 (left) and P/P0 (right) divided by the transfer function, for each method (rows)."}}
@@ -357,15 +358,19 @@ def means(over):
 
 
 ratios, errors = over_truth(spectra), over_truth(wrong)
-show_table({f"{method}, {way}": means(ratios[method, way]) for method, way in left}, head="left / truth")
-
-# %% tags=["hide-input"]
 show_table(
-    {f"{method}, {way}": means(corrected[method, way]) for method, way in left}, head="corrected / truth"
+    {f"{method}, {way}": means(ratios[method, way]) for method, way in residuals}, head="residual / truth"
 )
 
 # %% tags=["hide-input"]
-show_table({f"{method}, {way}": means(errors[method, way]) for method, way in left}, head="error / truth")
+show_table(
+    {f"{method}, {way}": means(corrected[method, way]) for method, way in residuals}, head="corrected / truth"
+)
+
+# %% tags=["hide-input"]
+show_table(
+    {f"{method}, {way}": means(errors[method, way]) for method, way in residuals}, head="error / truth"
+)
 
 
 # %% tags=["hide-input"]
@@ -384,7 +389,7 @@ def band(found, method, way, name):
 fit = list(methods)[-1]
 quote(
     survey_pca=first,
-    survey_lost=(float(100 * cube.missing.mean()), 0.1, "%"),
+    survey_missing=(float(100 * cube.missing.mean()), 0.1, "%"),
     survey_weighted=band(errors, first, "weights and flags", "P, k > 0.3"),
     survey_flagged=band(errors, first, "flags alone", "P, k > 0.3"),
     survey_neither=band(errors, first, "neither", "P, k > 0.3"),
@@ -409,7 +414,7 @@ quote(
 # | flags alone | {glue:text}`survey_flagged_low` | {glue:text}`survey_flagged` | {glue:text}`survey_flagged_corrected` |
 # | neither | {glue:text}`survey_neither_low` | {glue:text}`survey_neither` | {glue:text}`survey_neither_corrected` |
 #
-# - **Flag the gaps**, {glue:text}`survey_lost` of this cube. Interpolation across gaps has errors far above
+# - **Flag the gaps**, {glue:text}`survey_missing` of this cube. Interpolation across gaps has errors far above
 #   HI, which a few components cannot describe.
 # - **Weights trade noise for signal.** They keep the noise of the edge out of the components, which adapt
 #   more closely to fewer pixels: correct the signal loss.
