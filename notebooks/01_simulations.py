@@ -234,9 +234,8 @@ quote(
 
 # %% [markdown]
 # With cells as small as the paper's the smoothing matters most, then the cell, and the code hardly (each row
-# is a pair of runs). Claims B1 to B3 and D3 ({doc}`15_claims`) depend on cell and smoothing;
-# `himap measure claims --preset paper -p r_smooth=2` judges them with smoothing. At the smaller presets the
-# cell smooths more than 2 Mpc/h does.
+# is a pair of runs). Claims B1 to B3 and D3 depend on cell and smoothing: {doc}`18_paper_size` judges them
+# with either. At the smaller presets the cell smooths more than 2 Mpc/h does.
 
 # %% tags=["hide-input"]
 CHOICES = [

@@ -3,10 +3,10 @@
 #   himap:
 #     figures: []
 #     reads:
-#     - book/results/claims_paper_templates.json
 #     - book/results/endurance.json
 #     - book/results/scaling.json
 #     - book/results/steps_*.json
+#     - book/results/whole_paper.json
 #     section: ''
 #   jupytext:
 #     formats: ipynb,py:percent
@@ -87,21 +87,18 @@ Markdown(steps_table(paper))
 
 # %% [markdown]
 # (whole)=
-# ### The ledger of one realisation
+# ### The whole paper
 #
-# With the real Galaxy and `--jobs 2`: the light cone as above, then observations and claims.
-# {doc}`The status page <../book/status>` has the times of the chapters with figures.
+# From an empty cache, with the real Galaxy and {glue:text}`scale_jobs` processes: the light cone, three
+# observations, all methods and every figure, with {glue:text}`scale_restarts` restarts of SDecGMCA through
+# each beam and with the plane dimmed; the scan of $n_s$ and the ledger with one. *Memory* is the peak of all
+# processes, mapped files included.
 
 # %% tags=["hide-input"]
-first, ledger = paper["steps"][0], read_stored("claims_paper_templates", results)["about"]
-parts = {first["step"]: first["seconds"], "observations and the ledger": ledger["seconds"]}
-rows = [[part, f"{short(seconds / 60)} min"] for part, seconds in parts.items()]
-rows.append(["all", f"{sum(parts.values()) / 60:.0f} min"])
-Markdown("\n".join(Table(["Part", "Time"], rows).markdown()))
-
-# %% [markdown]
-# With the scan of $n_s$ up to 20 the claims need 80 separations, where Figs. 1 and 2 have 18: six methods in
-# seven cases, other $\sigma$ of the peak masking, variants of SDecGMCA, and the scan.
+whole = read_stored("whole_paper", results)
+parts = [*whole["commands"], {"step": "all"} | whole]
+rows = [[one["step"], f"{short(one['seconds'] / 60)} min", f"{one['memory_gb']:.1f} GB"] for one in parts]
+Markdown("\n".join(Table(["Part", "Time", "Memory"], rows).markdown()))
 
 # %% [markdown]
 # ## The same at half that size
@@ -259,6 +256,8 @@ bytes_of_a_cube = 4 * size.n_channels * size.n_pix
 asked = replace(size, **larger)
 N_BEAMS, N_METHODS, N_NODES = 3, 6, 20  # of Figs. 1 and 2; jobs of the cluster above
 quote(
+    scale_jobs=dict(whole["about"]["overrides"])["jobs"],
+    scale_restarts=dict(whole["about"]["overrides"])["n_restarts"],
     scale_nside=nside,
     scale_n_channels=n_channels,
     scale_n_realisations=n_realisations,

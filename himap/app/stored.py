@@ -114,7 +114,8 @@ def _judgements(record, made):
     """(what differs from `made`, {claim: `Entry`}) of each reading in a record, without what is the same."""
     usual, words, changed = record_words(made), record_words(record.made), dict(record.made.overrides)
     replaced = f"{words['method']} in its place" if words["method"] else ""
-    differing = [words[name] for name in ("size", "galaxy", "box") if words[name] != usual[name]]
+    skies = "size", "galaxy", "box", "smoothing"
+    differing = [words[name] for name in skies if words[name] != usual[name]]
     words = ", ".join(filter(None, [replaced, *differing]))
     reading = dict(made.overrides).get("reading", "default")
     if record.experiment.name == "claims":
@@ -142,6 +143,7 @@ def record_words(made):
         "method": styles.numbered(changed["method"], None) if "method" in changed else "",
         "reading": reading if (reading := changed.get("reading", "default")) != "default" else "",
         "box": f"HI box of {changed['box_cells']}³ cells" if "box_cells" in changed else "",
+        "smoothing": f"HI smoothed by {changed['r_smooth']:g} Mpc/h" if "r_smooth" in changed else "",
     }
 
 
