@@ -63,7 +63,8 @@ from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.maps.low_rank import centred
 from himap.measures import diagnostics
-from himap.measures.spectra import angular_power
+from himap.measures.low_rank_spectra import masked_alms
+from himap.measures.spectra import decouple
 from himap.paper import captions, cleaned, pipeline
 from himap.paper.leakage import error_parts
 from himap.paper.methods import methods_for, paper_beams
@@ -453,13 +454,21 @@ quote(
 # for the flagged lines of SDecGMCA (medoid), the same mask turned by 180° about the axis through the Galactic
 # centre, and a cut at 15° of latitude.
 
+
 # %% tags=["hide-input"]
+def masked_truth(mask):
+    """C_l of the truth on the lines of sight in a mask, decoupled, an `AngularPower`."""
+    alms = pipeline.truth_alms(study.case(selected))
+    alms = masked_alms(observation.truth, mask=mask, alms=alms)
+    return decouple(sphere.power_spectrum(alms), mask.astype(float))
+
+
 full = study.truth(selected).angular
 kept = ~line_errors(study.medoid(selected, removers["sdecgmca"]))[1]
 masked_truths = {
-    "flagged by SDecGMCA": angular_power(observation.truth, mask=kept),
-    "the same, turned": angular_power(observation.truth, mask=kept[::-1]),  # in RING order this is the turn
-    "|b| > 15°": angular_power(observation.truth, mask=latitude > 15),
+    "flagged by SDecGMCA": masked_truth(kept),
+    "the same, turned": masked_truth(kept[::-1]),  # in RING order this is the turn
+    "|b| > 15°": masked_truth(latitude > 15),
 }
 table = {}
 for name, power in masked_truths.items():

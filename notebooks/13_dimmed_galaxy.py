@@ -56,7 +56,6 @@ plane_edge: float = 15.0  # latitude beyond which nothing is dimmed, deg
 
 # %% tags=["hide-input"]
 import warnings
-from dataclasses import replace
 
 import numpy as np
 
@@ -65,8 +64,8 @@ from himap.figures.numbers import of_restarts, quote, show_table
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures.diagnostics import inside
-from himap.paper import captions, pipeline
-from himap.paper.evidence import spectra_with
+from himap.paper import captions, cleaned, pipeline
+from himap.paper.evidence import dimmed_spectra
 from himap.paper.leakage import error_parts
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study, over_restarts
@@ -306,13 +305,14 @@ quote(
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
-def ratio_of(dimming):
-    """P/P0 of PCA on the same HI and noise with foregrounds dimmed in another way; no map is kept."""
-    bright = pipeline.foreground_seen(replace(full.case(selected), dimming=dimming))
-    spectra = spectra_with(bright, full.case(selected), PCA(n_sources=n_sources))
-    return (spectra.frequency.power / full.truth(selected).frequency.power)[1:]
+def ratio_of(other):
+    """P/P0 of PCA on the same HI and noise with foregrounds dimmed in another way."""
+    if other in known:
+        return known[other]
+    return (dimmed_spectra(case, pca, other).frequency.power / full.truth(selected).frequency.power)[1:]
 
 
+case, pca = full.case(selected), PCA(n_sources=n_sources)
 k = full.truth(selected).frequency.k[1:]
 known = {  # from above
     Dimming(weight=1, edge=plane_edge): full.compared(selected, removers[0]).frequency_ratio,
@@ -324,6 +324,12 @@ settings = {
     },
     "latitude of the edge": {f"edge {value:g}°": {"edge": value} for value in sorted({5, plane_edge, 30})},
 }
+dimmings = {
+    name: Dimming(**{"weight": plane_weight, "edge": plane_edge} | changed)
+    for choices in settings.values()
+    for name, changed in choices.items()
+}
+cleaned.make([(dimmed_spectra, (case, pca, one)) for one in dimmings.values() if one not in known])
 looks = [
     (styles.BLUE, "-"),
     (styles.ORANGE, "--"),
@@ -334,9 +340,8 @@ looks = [
 table, panels = {}, []
 for title, choices in settings.items():
     curves = []
-    for (name, changed), (colour, line) in zip(choices.items(), looks, strict=False):
-        other = Dimming(**{"weight": plane_weight, "edge": plane_edge} | changed)
-        ratio = known[other] if other in known else ratio_of(other)
+    for name, (colour, line) in zip(choices, looks, strict=False):
+        ratio = ratio_of(dimmings[name])
         curves.append((k, ratio, {"label": name, "color": colour, "linestyle": line}))
         low, peak = inside(k, np.abs(ratio - 1), 0, 0.1).mean(), inside(k, ratio, 0.25, 0.38).max()
         table[name] = {

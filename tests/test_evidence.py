@@ -111,6 +111,14 @@ class TestWithoutPointSources:
         assert found.angular.mean[2:17] == pytest.approx(expected.angular.mean[2:17], rel=1e-3)
         assert found.frequency.power[1:] == pytest.approx(expected.frequency.power[1:], rel=1e-3)
 
+    def test_another_dimming_is_that_of_another_case(self):
+        found = evidence.dimmed_spectra.compute(CASE, PLAIN, Dimming())
+        expected = cleaned.assessment(replace(CASE, dimming=Dimming()), PLAIN).power_spectra
+        assert found.angular.mean[2:17] == pytest.approx(expected.angular.mean[2:17], rel=1e-3)
+        assert found.frequency.power[1:] == pytest.approx(expected.frequency.power[1:], rel=1e-3)
+        full = cleaned.assessment(CASE, PLAIN).power_spectra
+        assert found.frequency.power[1] != pytest.approx(full.frequency.power[1], rel=1e-3)
+
     def test_the_galaxy_is_the_rest(self, monkeypatch):
         monkeypatch.setattr(evidence, "spectra_with", lambda *given: given)
         foreground, *rest = evidence.spectra_without_sources.compute(CASE, PLAIN)

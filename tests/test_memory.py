@@ -50,6 +50,7 @@ LARGE_BOX, IN_FILES = replace(PAPER, box_cells=2048), {"steps": ["HI light cone"
     ("limit", "survey", "options", "refusal"),
     [
         ("24GB", PAPER, {"jobs": 2}, None),
+        ("13GB", PAPER, {"jobs": 2}, None),
         ("24GB", LARGE_BOX, {}, r"HI light cone needs about 7\d.\d GB .* a smaller box_cells needs less"),
         ("24GB", LARGE_BOX, {"steps": ["cleaning"]}, None),
         ("12GB", LARGE_BOX, IN_FILES, None),

@@ -27,7 +27,7 @@ _LARGEST = 1e15  # bytes that somebody may mean
 _BOXES = 2  # of cells, while HI is made
 _KILLS = Path("/proc/vmstat")  # where Linux counts the processes that it ended for want of memory
 _COLUMNS = 7e9  # bytes of what is transformed at once, and of its transform
-_CUBES = {"observing": 5, "cleaning": 4}  # held at once by one process
+_CUBES = {"observing": 5, "cleaning": 3.5}  # held at once by one process, those of mapped files too
 
 
 def memory_limit():

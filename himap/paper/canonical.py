@@ -95,6 +95,7 @@ _PRODUCTS = {
     evidence.masked_voxels: [(CASE,)],
     evidence.noise_and_hi: [(CASE,), (SMOOTHED,)],
     evidence.spectra_without_sources: [(SMOOTHED, Parametric())],
+    evidence.dimmed_spectra: [(CASE, PLAIN, Dimming())],
     evidence.error_of_flagged_lines: [(CASE, PLAIN)],
     evidence.peak_without_lines: [(CASE, PLAIN)],
     choice.eigenvalues: [(CASE,), (CASE, True)],

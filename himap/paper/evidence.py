@@ -1,5 +1,7 @@
 """Facts on sky, noise, peaks and errors that claims are judged on: small, made once from cubes, and kept."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from himap.core.errors import InputError
@@ -110,6 +112,15 @@ def spectra_without_sources(case, remover):
         return spectra_with(seen_through(modes, spectra, beams), case, remover)
     except InputError as error:
         return str(error)
+
+
+@product
+def dimmed_spectra(case, remover, dimming):
+    """`PowerSpectra` of the residual of a `Case` with its foreground under another `Dimming`.
+
+    All else is as in `spectra_with`.
+    """
+    return spectra_with(pipeline.foreground_seen(replace(case, dimming=dimming)), case, remover)
 
 
 def spectra_with(foreground, case, remover):
