@@ -62,7 +62,8 @@ study = Study(
 observed = study.observed(selected)
 freqs = observed.freqs
 channel, pixel = np.unravel_index(observed.truth.argmax(), observed.truth.shape)  # the brightest HI
-line = observed.maps[:, pixel].astype(float)
+line, truth = observed.maps[:, pixel].astype(float), np.array(observed.truth[:, pixel])
+del observed  # two cubes, mapped from the cache
 
 
 def baselines(lines):
@@ -88,7 +89,6 @@ near = np.abs(freqs - freqs[channel]) <= width
 total = {"color": "black", "label": "total"}
 signal = {"color": styles.VERMILION, "label": "HI + noise"}
 star = {"color": styles.BLUE, "marker": "*", "markersize": 12, "label": "flagged"}
-truth = observed.truth[:, pixel]
 axes = {"xlabel": styles.CHANNELS, "ylabel": "T [mK]"}
 stars = [(freqs[flagged & near], line[flagged & near], star)] if (flagged & near).any() else []
 panels = [
@@ -210,6 +210,7 @@ for name in beams:
     fit_of_hi = baselines(observation.truth)
     from_all = heights(observation.maps, fits[name], where)
     from_hi = heights(observation.truth, fit_of_hi, where)
+    del observation
     foreground_share = 1 - from_hi / from_all
     grid = np.linspace(-0.5, 1, 601)
     below = np.searchsorted(np.sort(foreground_share), grid) / max(len(foreground_share), 1)
