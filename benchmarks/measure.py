@@ -11,7 +11,8 @@ from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
 from himap.removal.parametric import Parametric
 
-INTERVAL = 0.05  # s between looks at the memory
+_INTERVAL = 0.05  # s between looks at the memory
+_LONGEST_LOOK = 0.02  # of the time: the pages of large processes are counted one by one, which holds them up
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,19 +40,26 @@ def memory_of(pid):
     return 0
 
 
+def peak_memory(pid, ended):
+    """Largest `memory_of` a process until ``ended(seconds)``, which waits for so long at most, is true."""
+    memory, is_done = 0, False
+    while not is_done:
+        started = time.perf_counter()
+        memory = max(memory, memory_of(pid))
+        is_done = ended(max(_INTERVAL, (time.perf_counter() - started) / _LONGEST_LOOK))
+    return memory
+
+
 def measured(step, case, *, alternatives=True):
     """Run `step` on `case`, and its alternatives unless these are not wanted; a `Measured`."""
     parent_end, child_end = get_context("spawn").Pipe()
     process = get_context("spawn").Process(target=_child, args=(step, case, alternatives, child_end))
     process.start()
     child_end.close()
-    memory, is_done = 0, False
     try:
         parent_end.recv()  # it has imported and compiled what it needs
         parent_end.send("go")
-        while not is_done:
-            memory = max(memory, memory_of(process.pid))
-            is_done = parent_end.poll(INTERVAL)
+        memory = peak_memory(process.pid, parent_end.poll)
         seconds, needs = parent_end.recv()
         return Measured(seconds=seconds, memory=memory, needs=needs, alternatives=parent_end.recv())
     except EOFError:

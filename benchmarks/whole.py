@@ -14,12 +14,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 
-from benchmarks.measure import INTERVAL, memory_of
+from benchmarks.measure import peak_memory
 from himap.core.files import atomic_files
 from himap.core.survey import PRESETS, Survey
 from himap.sky.galaxy import SOURCES, Galaxy
@@ -72,11 +73,15 @@ def _run(arguments, folder, cache):
     root = str(Path(__file__).resolve().parents[1])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
     variables = os.environ | {"HIMAP_CACHE": str(cache), "PYTHONPATH": path}
-    started, memory = time.monotonic(), 0
+    started = time.monotonic()
     with subprocess.Popen([sys.executable, "-m", "himap", *arguments], cwd=folder, env=variables) as process:
-        while process.poll() is None:
-            memory = max(memory, memory_of(process.pid))
-            time.sleep(INTERVAL)
+
+        def ended(seconds):
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(seconds)
+            return process.returncode is not None
+
+        memory = peak_memory(process.pid, ended)
     if process.returncode:
         failed = f"himap {' '.join(arguments)} ended with {process.returncode}"
         raise click.ClickException(f"{failed}, as said above.")
