@@ -92,7 +92,7 @@ Markdown(steps_table(paper))
 # From an empty cache, with the real Galaxy and {glue:text}`scale_jobs` processes: the light cone, three
 # observations, all methods and every figure, with {glue:text}`scale_restarts` restarts of SDecGMCA through
 # each beam and with the plane dimmed; the scan of $n_s$ and the ledger with one. *Memory* is the peak of all
-# processes, mapped files included; in this run what two processes share counts twice.
+# processes, mapped files included, and what several processes share counts once.
 
 # %% tags=["hide-input"]
 whole = read_stored("whole_paper", results)

@@ -189,9 +189,10 @@ class TestDefault:
         assert ranked_candidates(found | {"code": self.outcome(0.4, 0.9)})[0][0] == "code"
         single = next(label for label, one in readings().items() if label not in candidates() and one.changed)
         assert ranked_candidates(found | {single: self.outcome(1, 1)})[0] == best  # no candidate
-        table = candidates_table(found)
+        table = candidates_table(found, {7: found, 8: found | {"letter": self.outcome(0.5, 1)}})
         assert table["candidate"].tolist()[0] == "letter" and table["which"][0] == "none"
         assert table["statements on SD that hold"].tolist() == ["1.2", "1.2", "1.0"]
+        assert table["on the skies 7, 8"].tolist() == ["1.2, 1.5", "1.2, 1.2", "1.0, 1.0"]
 
     def test_a_record_of_restarts_is_judged_by_what_it_has_of_the_oscillating_beam(self):
         empty = dict.fromkeys(restarts.EXPERIMENT.columns) | {"seed": 7, "n_sources": 0}

@@ -90,13 +90,18 @@ def insensitive_claims(outcomes):
     return [claim for claim in CLAIMS if len(versions.get(claim, ())) == 1]
 
 
-def candidates_table(outcomes):
-    """A DataFrame of texts with a row for each candidate for the default, the most charitable first."""
+def candidates_table(outcomes, by_sky):
+    """A DataFrame of texts with a row for each candidate for the default, the most charitable first.
+
+    `outcomes` are of all skies, `by_sky` those of each, {seed: outcomes}.
+    """
     known = readings() | candidates()
+    counts = [{label: count for label, count, _ in ranked_candidates(one)} for one in by_sky.values()]
     return pd.DataFrame(
         {
             "candidate": known[label].title,
             "statements on SD that hold": f"{count:.1f}",
+            f"on the skies {', '.join(map(str, by_sky))}": ", ".join(f"{one[label]:.1f}" for one in counts),
             "departures from the text": f"{distance}",
             "which": ", ".join(f"{name} = {value}" for name, value in known[label].departures.items())
             or "none",
