@@ -211,7 +211,8 @@ plotting.stamp(curves_figure(outcomes), made)
 # **The default is provisional.** On the skies of the selection the most charitable is
 # {glue:text}`readings_selected`; on the others it is number {glue:text}`readings_place` of
 # {glue:text}`readings_candidates`, and {glue:text}`readings_confirmed` is first. The default is number
-# {glue:text}`readings_default_place` and {glue:text}`readings_default_other_place`. With one start on each sky,
+# {glue:text}`readings_default_place` on the skies of the selection and number
+# {glue:text}`readings_default_other_place` on the others. With one start on each sky,
 # the count of a candidate has a scatter of {glue:text}`readings_scatter` over skies (the median of all
 # candidates), and the means over all skies go from {glue:text}`readings_least` to
 # {glue:text}`readings_most`; that of the default is {glue:text}`readings_default_mean`. So one start does not
