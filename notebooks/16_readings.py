@@ -54,7 +54,6 @@ import pandas as pd
 from IPython.display import Markdown, display
 
 from himap.app.stored import RESULTS
-from himap.core.errors import InputError
 from himap.figures import plotting
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
@@ -221,51 +220,52 @@ plotting.stamp(curves_figure(outcomes), made)
 # of sight and dependence on the number of sources.
 
 # %% tags=["hide-input"]
-folder = Path(folder or RESULTS)
-ensembles = {
-    record.made.preset: record
-    for path in sorted(folder.glob("restarts_*_candidates.json"))
-    for record in [Record.load(find_experiment("restarts"), path)]
-}
-for record in ensembles.values():
-    by_sky = {seed: outcomes_of(rows) for seed, rows in record.rows.groupby("seed")}
-    table = readings_table.candidates_table(outcomes_of(record.rows), by_sky)
-    display(Markdown(f"*{record.made.footer()}*"), Table(table.columns, table.to_numpy()))
-if "laptop" not in ensembles:
-    raise InputError(f"{folder} has no ensemble of all candidates at laptop; measure restarts, as below.")
-rows = ensembles["laptop"].rows
+ensembles = [
+    Record.load(find_experiment("restarts"), path)
+    for path in sorted(Path(folder or RESULTS).glob("restarts_*_candidates.json"))
+]
+rows, counts = record.rows[:0], []  # at laptop: of all skies, and what holds on each
+for ensemble in ensembles:
+    by_sky = {seed: outcomes_of(some) for seed, some in ensemble.rows.groupby("seed")}
+    table = readings_table.candidates_table(outcomes_of(ensemble.rows), by_sky)
+    display(Markdown(f"*{ensemble.made.footer()}*"), Table(table.columns, table.to_numpy()))
+    if ensemble.made.preset == "laptop":
+        rows = ensemble.rows
+        counts = [dict(row[:2] for row in ranked_candidates(one)) for one in by_sky.values()]
 seeds = sorted({*rows["seed"]})
 is_selection = rows["seed"].isin(seeds[:2])
-
-
-def ranking(several):
-    """Labels of candidates, the most charitable first."""
-    return [label for label, *_ in ranked_candidates(outcomes_of(several))]
+selection, confirmation = (
+    [label for label, *_ in ranked_candidates(outcomes_of(rows[part]))]
+    for part in (is_selection, ~is_selection)
+)  # the most charitable first
 
 
 def place(label, ranked):
     """That of a candidate, from 1."""
-    return ranked.index(label) + 1 if ranked else "none"
+    return ranked.index(label) + 1 if label in ranked else "not measured"
 
 
-selection, confirmation = ranking(rows[is_selection]), ranking(rows[~is_selection])
-counts = pd.DataFrame(
-    dict(row[:2] for row in ranked_candidates(outcomes_of(several))) for _, several in rows.groupby("seed")
-)  # a row for each sky
+first, other_first = (known[ranked[0]].title if ranked else "none" for ranked in (selection, confirmation))
 default = next(label for label, one in candidates().items() if one.values == known["default"].values)
+numbers = dict.fromkeys(("scatter", "least", "most", "default_mean"), "not measured")
+if len(counts) > 1:
+    counts = pd.DataFrame(counts)  # a row for each sky
+    means = counts.mean()
+    values = counts.std().median(), means.min(), means.max(), means[default]
+    numbers = {name: (value, 0.1) for name, value in zip(numbers, values, strict=True)}
 quote(
     readings_selection=listed(map(str, seeds[:2])),
     readings_confirmation=listed(map(str, seeds[2:])),
     readings_candidates=len(selection),
-    readings_selected=known[selection[0]].title,
-    readings_place=place(selection[0], confirmation),
-    readings_confirmed=known[confirmation[0]].title if confirmation else "none",
+    readings_selected=first,
+    readings_place=place(selection[0] if selection else "", confirmation),
+    readings_confirmed=other_first,
     readings_default_place=place(default, selection),
     readings_default_other_place=place(default, confirmation),
-    readings_scatter=(counts.std().median(), 0.1) if len(counts) > 1 else "unknown size",
-    readings_least=(counts.mean().min(), 0.1),
-    readings_most=(counts.mean().max(), 0.1),
-    readings_default_mean=(counts[default].mean(), 0.1),
+    readings_scatter=numbers["scatter"],
+    readings_least=numbers["least"],
+    readings_most=numbers["most"],
+    readings_default_mean=numbers["default_mean"],
 )
 
 # %% [markdown]
