@@ -82,6 +82,7 @@ _PRODUCTS = {
     ],
     pipeline.observation: [(CASE,), (SMOOTHED,)],
     pipeline.peak_masked: [(CASE,)],
+    pipeline.covariance: [(CASE,)],
     pipeline.analysis: [(CASE,), (CASE, False), (FINE_CASE,)],
     pipeline.signal_analysed: [(CASE,)],
     pipeline.foreground_seen: [(CASE,)],

@@ -39,6 +39,7 @@ def cleaning(case, remover, mask_peaks=True):
     """
     data = data_of(case, pipeline.observation(case).maps, seed=case.survey.rng(f"removal {remover.name}"))
     basis = replace(data, maps=pipeline.basis(case, mask_peaks)) if mask_peaks else data
+    basis.known["covariance"] = lambda: pipeline.covariance(case, mask_peaks)
     basis.known["modes"] = lambda: pipeline.analysis(case, mask_peaks)
     if hasattr(remover, "iteration"):  # named by no class, or an edit of that would make all stale
         basis.known[remover.iteration] = lambda: fit(case, remover.iteration, mask_peaks)

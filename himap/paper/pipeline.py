@@ -21,6 +21,7 @@ from himap.maps.low_rank import HarmonicModes, centred, projection
 from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.removal import harmonic, peaks
 from himap.removal.analysis import cube_modes
+from himap.removal.covariance import channel_covariance
 from himap.removal.spectral_filter import on_sky, seen_through
 from himap.sky.box import file_bytes
 from himap.sky.emission import emission_modes
@@ -128,9 +129,15 @@ def peak_masked(case, spread=True):
 
 
 @product
+def covariance(case, mask_peaks=True):
+    """The `channel_covariance` of the maps that the foreground is found in: all methods share it."""
+    return channel_covariance(centred(basis(case, mask_peaks)))
+
+
+@product
 def analysis(case, mask_peaks=True):
     """The `CubeModes` of the maps that the foreground is found in, less their channel means."""
-    return cube_modes(centred(basis(case, mask_peaks)))
+    return cube_modes(centred(basis(case, mask_peaks)), covariance=covariance(case, mask_peaks))
 
 
 def basis(case, mask_peaks):

@@ -61,11 +61,12 @@ class CubeModes:
         return modes
 
 
-def cube_modes(maps, kept=None):
+def cube_modes(maps, kept=None, covariance=None):
     """The `CubeModes` of HEALPix maps, (n_channels, n_pix), to l = 3 nside - 1.
 
     With a mask `kept` (n_pix,) bool, of the maps of the pixels that it keeps, (n_channels, n_kept): what is
-    bright is continued outside (`himap.maps.inpaint`), the rest is zero there.
+    bright is continued outside (`himap.maps.inpaint`), the rest is zero there. The covariance is the
+    `channel_covariance` of the maps, where it is at hand.
 
     Foregrounds are a few spectra times maps; these are analysed until less than HI and noise remains. For
     all else plain quadrature in float32 does, up to l = 2 nside: refinements would change the cleaned maps by
@@ -74,7 +75,7 @@ def cube_modes(maps, kept=None):
     nside = sphere.nside_of(maps if kept is None else kept)
     lmax, n_iter = 3 * nside - 1, 0 if nside >= _FINE else sphere.N_ITER_FLAT
     with threadpool_limits(1, user_api="blas"):
-        values, axes = np.linalg.eigh(channel_covariance(maps))
+        values, axes = np.linalg.eigh(channel_covariance(maps) if covariance is None else covariance)
         faint = max(np.quantile(values, _FAINT), _DIGITS**2 * values[-1])
         spectra, values = axes[:, values > _BRIGHT * faint], values[values > _BRIGHT * faint]
         tolerances = np.maximum(_CLOSE * np.sqrt(faint / values), _DIGITS)  # of noise alone

@@ -161,7 +161,7 @@ class Data:
         # Imported here: most methods need no transforms, and importing these takes a second.
         from himap.removal.analysis import cube_modes
 
-        return self.get_or_compute("modes", lambda: cube_modes(self.centred, self.grid))
+        return self.get_or_compute("modes", lambda: cube_modes(self.centred, self.grid, self.covariance))
 
     def get_or_compute(self, name, make):
         """What is known of these data by a name, made by ``make()`` if it is not; kept with the data."""
