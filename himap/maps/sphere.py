@@ -154,7 +154,6 @@ def _adjoint_synthesis(field, lmax, rings):
     return alm if lmax == room else alm[_places(lmax)[1]]
 
 
-_NEARLY = 1.1  # times a tolerance, which needs no more steps
 _PLAIN = {"spin": 0, "nthreads": 0}  # as many threads as ducc0 is set to
 
 
@@ -170,15 +169,14 @@ def analyse_closely(pixels, lmax, tolerance):
     """Coefficients that reproduce one map (n_pix,) to `tolerance` of its rms, by least squares (LSMR).
 
     The refinements of `analyse` leave percents of a map near l = 3 nside, where HEALPix quadrature is
-    poor. This is for what is bright: a tolerance below the noise of a map would run after that noise, as one
-    that is missed by a tenth at most does.
+    poor. This is for what is bright: a tolerance below the noise of a map would run after that noise.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     nside = nside_of(pixels)
     alm = analyse(pixels, lmax)
     residual = pixels - synthesise(alm, nside)
     share = np.linalg.norm(residual) / np.linalg.norm(pixels)
-    if share <= _NEARLY * tolerance:
+    if share <= tolerance:
         return alm
     enough = {"maxiter": 50, "epsilon": tolerance / share}
     (correction,), *_ = ducc0.sht.pseudo_analysis(
