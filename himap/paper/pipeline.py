@@ -197,8 +197,12 @@ def foreground_analysed(case, mask_peaks=True):
 
 
 OF_SKIES = (hi_of_sky, hi_alms_of_sky, noise_alms, foreground_modes_of_sky)
-OF_CASES = (observation, peak_masked, analysis, signal_analysed, foreground_seen, foreground_analysed)
-"""Products as large as a cube, of a sky and of a case of it: what disks are too small for."""
+OF_CASES = (
+    *(observation, peak_masked, covariance, analysis, signal_analysed),
+    *(foreground_seen, foreground_analysed),
+)
+"""Products of a sky and of a case of it that are as large as a cube, which disks are too small for, or that
+nobody needs without one."""
 
 
 def hi_seen(case):
