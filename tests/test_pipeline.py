@@ -89,6 +89,16 @@ def test_the_analysis_of_an_observation_is_shared(monkeypatch):
         cleaned.separation(CASE, SDecGMCA(n_sources=2), mask_peaks=False)
 
 
+def test_the_covariance_of_an_observation_is_shared(monkeypatch):
+    """By all that start from it; that of another sky has to be made."""
+    cleaned.separation(CASE, PCA(n_sources=2))
+    monkeypatch.setattr(pipeline, "channel_covariance", None)
+    monkeypatch.setattr("himap.removal.data.channel_covariance", None)
+    cleaned.separation(CASE, PCA(n_sources=4))
+    with pytest.raises(TypeError):
+        cleaned.separation(replace(CASE, survey=replace(SMALL, seed=77)), PCA(n_sources=2))
+
+
 def test_spectra_of_truth_and_residual():
     true, pca = pipeline.true_spectra(CASE), cleaned.assessment(CASE, PCA(n_sources=3)).power_spectra
     assert cleaned.separation(CASE, PCA(n_sources=3)).mixing.shape == (20, 3)
