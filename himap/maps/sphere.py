@@ -308,16 +308,15 @@ def coupling_matrix(mask_cl, lmax):
     M_ll' = (2 l' + 1) / (4 pi) sum_L (2 L + 1) W_L (l l' L; 0 0 0)^2 with W_L the mask's spectrum
     (Hivon et al. 2002, Eq. A31).
     """
-    weight = np.zeros(2 * lmax + 1)
-    n = min(len(mask_cl), len(weight))
-    weight[:n] = (2 * np.arange(n) + 1) * mask_cl[:n] / (4 * np.pi)
-    matrix = np.empty((lmax + 1, lmax + 1))
-    for l1 in range(lmax + 1):
-        for l2 in range(l1 + 1):
-            first, symbol = ducc0.misc.wigner3j_int(l1, l2, 0, 0)
-            matrix[l1, l2] = np.dot(symbol * symbol, weight[first : first + len(symbol)])
-            matrix[l2, l1] = matrix[l1, l2]
-    return (2 * np.arange(lmax + 1) + 1) * matrix
+    n = min(len(mask_cl), 2 * lmax + 1)
+    # The symbol is half the integral of three Legendre polynomials, exact on so many nodes.
+    n_nodes = lmax + n // 2 + 1
+    nodes = np.cos(ducc0.misc.GL_thetas(n_nodes))
+    legendre = np.polynomial.legendre.legvander(nodes, max(lmax, n - 1)).T
+    weights = ducc0.misc.GL_weights(n_nodes, 1) / (2 * np.pi)
+    weights *= (2 * np.arange(n) + 1) * mask_cl[:n] / (4 * np.pi) @ legendre[:n]
+    products = legendre[: lmax + 1] * weights @ legendre[: lmax + 1].T
+    return (np.arange(lmax + 1) + 0.5) * products
 
 
 def pixel_vectors(nside, *, nest=False):
