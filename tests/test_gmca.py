@@ -1,5 +1,7 @@
 """GMCA on the sphere and in the plane: a plain twin with the whole cube in starlets, known sparse sources."""
 
+import math
+
 import healpy as hp
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.gnilc import GNILC
 from himap.removal.pca import PCA
+from himap.removal.thresholds import sparse
 
 NSIDE = 16
 N_PIX = 12 * NSIDE**2
@@ -177,3 +180,21 @@ class TestFiles:
         ):
             done = himap("clean", path, "--method", "gmca", *words, "-o", tmp_path / "c.fits")
             assert done.exit_code == 2 and said in done.output, words
+
+
+@pytest.mark.parametrize("soft", [True, False])
+@pytest.mark.parametrize("share", [0, 0.02, 0.5, 1])
+@pytest.mark.parametrize("n", [1, 7, 1000, 1001])
+def test_thresholds_are_those_of_numpy(rng, n, share, soft):
+    values = rng.standard_normal(n) ** 3
+    values[: n // 10] = 0
+    sizes, after = np.abs(values), values.copy()
+    limit = sparse(after, 3.0, share, soft=soft)
+    floor = 3 * 1.4826 * np.median(sizes)
+    above = np.sort(sizes[sizes > floor])
+    n_kept = math.ceil(share * len(above))
+    assert limit == (floor if n_kept == len(above) else above[len(above) - n_kept - 1])
+    kept = sizes > limit
+    assert np.count_nonzero(kept) == n_kept and not after[~kept].any()
+    assert np.array_equal(after[kept], values[kept] - soft * np.sign(values[kept]) * limit)
+    assert sparse(values, 2.0, 1.0, level=0.1, soft=soft) == 0.2

@@ -15,7 +15,8 @@ from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.data import Data
 from himap.removal.sdecgmca.method import SDecGMCA, Step
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
-from himap.removal.sdecgmca.scales import Scales, deviation, ranked
+from himap.removal.sdecgmca.scales import Scales, deviation
+from himap.removal.thresholds import ranked
 
 FREQS = np.linspace(900, 1400, 8)
 QUICK = {"n_sources": 4, "n_warmup": 10, "n_refinement": 5, "noise": 0.5, "n_scales": 3}

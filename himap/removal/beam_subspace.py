@@ -12,9 +12,9 @@ from himap.maps.starlets import noise_of_scales, starlet_bands, starlet_filters
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
-from himap.removal.gmca import NORMAL, share_threshold
 from himap.removal.separation import ordered
 from himap.removal.spectral_filter import through_beams
+from himap.removal.thresholds import NORMAL, median, sparse
 
 _SETTLED = 1e-4  # relative change of the misfit at which the iteration stops
 _ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise
@@ -143,11 +143,9 @@ class BeamSubspace(ForegroundRemover):
             for scale, level in zip(scales, level_of_scale, strict=True):
                 if weights is not None:
                     scale *= weights
-                sizes = np.abs(scale)
                 if self.thresholds == "mad":
-                    level = NORMAL * np.median(sizes if weights is None else sizes[weights > 0])
-                limit = share_threshold(sizes, self.n_sigma * level, self.share)
-                scale -= np.clip(scale, -limit, limit)
+                    level = NORMAL * median(np.abs(scale if weights is None else scale[weights > 0]))
+                sparse(scale, self.n_sigma, self.share, level)
             out[:] = harmonic.to_modes(sphere.analyse_grid(sum(scales), lmax))
         return kept
 

@@ -13,9 +13,7 @@ from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import bright_axes, channel_covariance, principal_axes
 from himap.removal.harmonic import safe_inverse
 from himap.removal.separation import ordered
-
-NORMAL = 1.4826
-"""Standard deviation of normal numbers over the median of their absolute values."""
+from himap.removal.thresholds import sparse
 
 _RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
 
@@ -84,10 +82,7 @@ class GMCA(ForegroundRemover):
             sources = starlets.details(cube.projection(safe_inverse(mixing[None])[0]))
             limits = np.empty(sources.shape[:-1])
             for index in np.ndindex(limits.shape):
-                row, size = sources[index], np.abs(sources[index])
-                limit = share_threshold(size, self.n_sigma * NORMAL * np.median(size), share)
-                row -= np.clip(row, -limit, limit) if self.penalty == "l1" else row * (size <= limit)
-                limits[index] = limit
+                limits[index] = sparse(sources[index], self.n_sigma, share, soft=self.penalty == "l1")
             updated = _updated(mixing, cube, sources, starlets)
             converged = share == 1 and _settled(mixing, updated, covariance, self.tolerance)
             mixing = updated
@@ -132,13 +127,6 @@ def _settled(before, after, covariance, tolerance):
     change, residual = (np.sum(p @ covariance * p) for p in (new - old, np.eye(len(new)) - new))
     rounding = np.finfo(np.float32).eps ** 2 * np.trace(covariance)
     return bool(change <= max(tolerance**2 * residual, rounding))
-
-
-def share_threshold(sizes, floor, share):
-    """Threshold that keeps the largest `share` (0 to 1) of the absolute values `sizes` above `floor`."""
-    above = sizes[sizes > floor]
-    n_dropped = len(above) - int(np.ceil(share * len(above)))
-    return np.partition(above, n_dropped - 1)[n_dropped - 1] if n_dropped else floor
 
 
 class SphereDetails:

@@ -1,9 +1,4 @@
-"""Thresholds on the starlet scales of the sources (paper, Sect. 3.3, iii; C21, Sect. 3).
-
-Medians and thresholds are half of the work of SDecGMCA. A number is found by its rank through a histogram of
-the leading bits of all, and a search among the few that share these: the same as numpy's partition, and
-quicker, since it passes over all of them only twice.
-"""
+"""Thresholds on the starlet scales of the sources (paper, Sect. 3.3, iii; C21, Sect. 3)."""
 
 import numpy as np
 from numba import njit
@@ -11,13 +6,11 @@ from numba import njit
 from himap.maps import sphere
 from himap.maps.starlets import cubic_b_spline, noise_of_scales, starlet_low_passes
 from himap.removal import harmonic
+from himap.removal.thresholds import median, ranked
 
 _N_ITER = 3  # refinements of the quadrature in C21's code
 _NORMAL = 1 / 0.6735  # standard deviation over median absolute deviation, to the digits of C21's code
 _SMALLEST = 1e-20
-_BITS = 48  # of 64 that are left out: what stays is the sign, the exponent and 4 bits of the fraction
-_BINS = 1 << (64 - _BITS)
-_SIGN = np.int64(-(2**63))
 
 
 class Scales:
@@ -126,43 +119,9 @@ def low_passes(n_scales, lmax, kind):
 
 
 @njit(cache=True)
-def ranked(values, rank):
-    """The number of this rank, 0 for the smallest, among float64 `values` (n,)."""
-    keys = values.view(np.int64)
-    counts = np.zeros(_BINS, dtype=np.int64)
-    for key in keys:
-        counts[_bin(key)] += 1
-    at, below = 0, 0
-    while below + counts[at] <= rank:
-        below += counts[at]
-        at += 1
-    same = np.empty(counts[at])
-    n = 0
-    for i in range(len(keys)):
-        if _bin(keys[i]) == at:
-            same[n] = values[i]
-            n += 1
-    return np.partition(same, rank - below)[rank - below]
-
-
-@njit(cache=True)
-def _bin(key):
-    """Leading bits of a float64, in the order of the numbers: negative ones run backwards."""
-    ordered = ~key if key < 0 else key ^ _SIGN
-    return (ordered >> _BITS) & (_BINS - 1)
-
-
-@njit(cache=True)
-def _median(values):
-    n = len(values)
-    upper = ranked(values, n // 2)
-    return upper if n % 2 else 0.5 * (ranked(values, n // 2 - 1) + upper)
-
-
-@njit(cache=True)
 def deviation(scale):
     """Standard deviation of a scale (n_pix,) by the median absolute deviation from its median."""
-    return _NORMAL * _median(np.abs(scale - _median(scale)))
+    return _NORMAL * median(np.abs(scale - median(scale)))
 
 
 @njit(cache=True)
