@@ -10,7 +10,7 @@ from himap.cubes.layout import same_freqs
 from himap.maps.patches import patch_centres, patch_pixels
 from himap.measures.cylindrical import CylindricalPower, cell_of, cylindrical_power
 from himap.measures.diagnostics import Comparison
-from himap.measures.low_rank_spectra import angular_power_pair, difference, masked_alms, recovered_power
+from himap.measures.low_rank_spectra import difference, masked_alms, masked_power, recovered_power
 from himap.measures.spectra import FrequencyPower, PowerSpectra, angular_power, frequency_power
 
 PATCH = np.deg2rad(14)
@@ -140,8 +140,8 @@ def compared(cleaned, truth):
         recovered, true = (PlaneSpectra.of(cube, maps) for maps in cubes)
         return replace(recovered, true=true)
     recovered, true = map(cube.on_sphere, cubes)
-    more = difference(recovered, true, mask=mask)
-    angular = angular_power_pair(masked_alms(true, mask=mask), more, mask=mask)
+    alms, error = masked_alms(true, mask=mask), difference(recovered, true, mask=mask)
+    angular = recovered_power(alms, error, mask=mask), masked_power(alms, mask)
     spectra = (_sphere_spectra(cube, maps, power) for maps, power in zip(cubes, angular, strict=True))
     return Comparison.of(*spectra, l_top=2 * cube.nside)
 

@@ -16,7 +16,7 @@ from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube, blocks
 from himap.maps.masks import mask_weights
-from himap.measures.spectra import BLOCK, AngularPower, FrequencyPower, checked_maps, decouple, weighted
+from himap.measures.spectra import BLOCK, FrequencyPower, checked_maps, decouple, power_without, weighted
 
 FAINT = 3e-8
 """Of the variance of the truth, summed over channels: terms of an error that no spectrum shows."""
@@ -60,6 +60,32 @@ def difference(recovered, truth, *, mask=None):
     for block in blocks(n_pix):
         maps[:, block] = spectra.T @ lines(block)
     return LowRankCube(spectra=spectra, maps=maps)
+
+
+def frequency_power_without(total, removed, channel_width, cube, error=None):
+    """`FrequencyPower` of a cube, plus its error, without some lines of sight, from `total`, that of all.
+
+    Parameters
+    ----------
+    total
+        `FrequencyPower` of the sum.
+    removed
+        The lines to leave out, (n_pix,) bool.
+    channel_width
+        MHz.
+    cube, error
+        (n_channels, n_pix), mK, and a `LowRankCube` or None: read where `removed`, and for channel means.
+    """
+    means, pixels = cube.mean(axis=1, dtype=np.float64), np.flatnonzero(removed)
+    if error is not None:
+        means += error.spectra @ error.maps.mean(axis=1)
+
+    def lines():
+        for block in (pixels[part] for part in blocks(len(pixels), BLOCK)):
+            sums = cube[:, block] - means[:, None]
+            yield sums if error is None else sums + error.lines(block)
+
+    return power_without(total, lines(), cube.shape[1], channel_width)
 
 
 def line_errors(error):
@@ -117,6 +143,12 @@ def masked_alms(maps, *, mask=None, alms=None):
     return out
 
 
+def masked_power(alms, mask=None):
+    """`AngularPower` of coefficients (n_channels, n_alm) of a cube times this mask, as of `masked_alms`."""
+    n_pix = 12 * ((sphere.lmax_of_size(alms.shape[1]) + 1) // 3) ** 2
+    return decouple(sphere.power_spectrum(alms), None if mask is None else mask_weights(mask, n_pix))
+
+
 def recovered_power(truth_alms, error, *, mask=None):
     """Angular power spectrum of a recovered cube, from the coefficients of the truth.
 
@@ -146,20 +178,6 @@ def recovered_power(truth_alms, error, *, mask=None):
         A bad mask; coefficients that are not those of the channels of the error, or with a mask not to
         3 nside - 1.
     """
-    pseudo, weights = _recovered(truth_alms, error, mask)
-    return decouple(pseudo, None if mask is None else weights)
-
-
-def angular_power_pair(truth_alms, error, *, mask=None):
-    """`recovered_power` and that of the truth, two `AngularPower`; arguments and errors are the same."""
-    pseudo, weights = _recovered(truth_alms, error, mask)
-    pair = np.concatenate([pseudo, sphere.power_spectrum(truth_alms)])
-    power = decouple(pair, None if mask is None else weights)
-    return tuple(AngularPower(degrees=power.degrees, cl=cl) for cl in np.split(power.cl, 2))
-
-
-def _recovered(truth_alms, error, mask):
-    """C_l of the recovered cube times the mask, (n_channels, lmax + 1), and the weights of the mask."""
     n_channels, n_pix = len(error.spectra), error.maps.shape[1]
     weights = mask_weights(mask, n_pix)
     if mask is not None or np.ndim(truth_alms) != 2 or len(truth_alms) != n_channels:
@@ -178,7 +196,7 @@ def _recovered(truth_alms, error, mask):
     for channels in progress(blocks(n_channels, _CHANNELS), "angular spectra"):
         recovered = truth_alms[channels] + error.spectra[channels].astype(np.float32) @ alms
         pseudo[channels] = sphere.power_spectrum(recovered)
-    return pseudo, weights
+    return decouple(pseudo, None if mask is None else weights)
 
 
 def _check_alms(alms, shape):

@@ -17,12 +17,13 @@ from himap.measures.diagnostics import Assessment, Comparison
 from himap.measures.low_rank_spectra import (
     FAINT,
     Moments,
-    angular_power_pair,
+    frequency_power_without,
     line_errors,
     masked_alms,
+    masked_power,
     recovered_power,
 )
-from himap.measures.spectra import PowerSpectra, frequency_power
+from himap.measures.spectra import PowerSpectra
 from himap.paper import pipeline
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
@@ -157,15 +158,23 @@ def post_masked(case, remover, mask_peaks=True):
 
     These are the `flagged_lines` of its `assessment` (paper, Sect. 5.1).
     """
-    lmax = separation(case, remover, mask_peaks).lmax
-    mask = ~diagnostics.flagged_lines(assessment(case, remover, mask_peaks).line_errors)
+    lmax, known = separation(case, remover, mask_peaks).lmax, assessment(case, remover, mask_peaks)
+    removed, width = diagnostics.flagged_lines(known.line_errors), case.survey.channel_width
     wrong, (truth, alms) = error(case, remover, mask_peaks), _truth_upto(case, None)
-    masked, masked_truth = masked_spectra(case, truth, wrong, mask, alms)
+    seen, total = masked_alms(truth, mask=~removed, alms=alms), pipeline.true_spectra(case).frequency
+    true = PowerSpectra(
+        angular=masked_power(seen, ~removed),
+        frequency=frequency_power_without(total, removed, width, truth),
+    )
     if lmax is not None:  # a mask mixes multipoles
-        low, alms = _truth_upto(case, lmax)
-        masked, _ = masked_spectra(case, low, wrong, mask, sphere.alms_padded(alms, case.survey.lmax))
-        masked = replace(masked, angular=masked.angular.upto(lmax))
-    return masked, masked_truth
+        truth, alms = _truth_upto(case, lmax)
+        seen = masked_alms(truth, mask=~removed, alms=sphere.alms_padded(alms, case.survey.lmax))
+    total = known.power_spectra.frequency
+    recovered = PowerSpectra(
+        angular=recovered_power(seen, wrong, mask=~removed).upto(lmax),
+        frequency=frequency_power_without(total, removed, width, truth, wrong),
+    )
+    return recovered, true
 
 
 def _against_all(low, wrong, truth):
@@ -179,21 +188,6 @@ def _against_all(low, wrong, truth):
         errors += (residual - true + true.mean(dtype=np.float64)) ** 2 / len(truth)
         correlation[n] = np.corrcoef(residual, true)[0, 1]
     return errors, correlation
-
-
-def masked_spectra(case, true, error, mask, alms=None):
-    """`PowerSpectra` of a cube with an error, a `LowRankCube`, and of the cube, on the lines in `mask`.
-
-    `alms` are the coefficients of the cube `true` without a mask, where they are at hand.
-    """
-    width = case.survey.channel_width
-    angular = angular_power_pair(masked_alms(true, mask=mask, alms=alms), error, mask=mask)
-    frequency = frequency_power(true, width, mask=mask)
-    recovered = Moments.of(true, error, mask=mask).frequency_power(frequency, width)
-    return tuple(
-        PowerSpectra(angular=power, frequency=along)
-        for power, along in zip(angular, (recovered, frequency), strict=True)
-    )
 
 
 def compared(*call, masked=False):

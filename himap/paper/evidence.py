@@ -8,7 +8,7 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import in_threads
 from himap.measures import diagnostics
-from himap.measures.low_rank_spectra import Moments, recovered_power
+from himap.measures.low_rank_spectra import Moments, frequency_power_without, recovered_power
 from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
 from himap.paper import cleaned, leakage, pipeline
 from himap.removal import harmonic
@@ -197,10 +197,10 @@ def peak_without_lines(case, remover, mask_peaks=True):
     low = truth if separation.lmax is None else pipeline.truth(case, separation.lmax)
     bright = on_sky(pipeline.foreground_seen(case), case.survey.nside)
     place = np.argsort(np.argsort(bright.spectra.mean(axis=0) @ bright.maps)) / case.survey.n_pix
-    ratios = []
-    for kept in (*(place < 1 - share for share in BRIGHTEST), place >= CONTROL):
-        true = frequency_power(truth, width, mask=kept)
-        base = true if low is truth else frequency_power(low, width, mask=kept)
-        recovered = Moments.of(low, error, mask=kept).frequency_power(base, width)
+    known, ratios = cleaned.assessment(case, remover, mask_peaks).power_spectra.frequency, []
+    total = pipeline.true_spectra(case).frequency
+    for removed in (*(place >= 1 - share for share in BRIGHTEST), place < CONTROL):
+        recovered = frequency_power_without(known, removed, width, low, error)
+        true = frequency_power_without(total, removed, width, truth)
         ratios.append(diagnostics.ratio(recovered.power[1:], true.power[1:]))
-    return true.k[1:], np.array(ratios)
+    return total.k[1:], np.array(ratios)

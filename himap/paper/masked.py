@@ -13,7 +13,15 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison
-from himap.measures.low_rank_spectra import difference, line_errors
+from himap.measures.low_rank_spectra import (
+    Moments,
+    difference,
+    line_errors,
+    masked_alms,
+    masked_power,
+    recovered_power,
+)
+from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import cleaned, pipeline
 from himap.removal.data import scattered
 from himap.sky.galaxy import Dimming
@@ -100,8 +108,12 @@ def compared(case, remover, region, way, margin=4.0):
     left, true = residual(case, remover, region, way), pipeline.truth(case)
     if way == "post-masked":
         inside &= ~diagnostics.flagged_lines(line_errors(cleaned.error(case, remover)))
-    pair = cleaned.masked_spectra(case, true, difference(left, true, mask=inside), inside)
-    return Comparison.of(*pair, l_top=2 * case.survey.nside)
+    alms, error = masked_alms(true, mask=inside), difference(left, true, mask=inside)
+    along = frequency_power(true, case.survey.channel_width, mask=inside)
+    more = Moments.of(true, error, mask=inside).frequency_power(along, case.survey.channel_width)
+    recovered = PowerSpectra(angular=recovered_power(alms, error, mask=inside), frequency=more)
+    spectra = PowerSpectra(angular=masked_power(alms, inside), frequency=along)
+    return Comparison.of(recovered, spectra, l_top=2 * case.survey.nside)
 
 
 @product(name="masked_by_depth")
