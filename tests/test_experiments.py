@@ -177,6 +177,13 @@ class TestTransfer:
         assert low == 0 if hits == 0 else stats.binom.sf(hits - 1, 28, low) == pytest.approx(0.025)
         assert high == 1 if hits == 28 else stats.binom.cdf(hits, 28, high) == pytest.approx(0.025)
 
+    def test_the_systematic_error_is_what_was_subtracted(self, table):
+        """In quadrature, whatever its sign; without it the truth is as often within the bar as before."""
+        table["foreground"] = [0.0, -0.05, 0.5]
+        bars = np.sqrt(table["error_bar"] ** 2 + table["foreground"] ** 2)
+        assert transfer.with_systematic(table)["error_bar"].tolist() == pytest.approx(bars.tolist())
+        assert [transfer.coverage(one)[0] for one in (table, transfer.with_systematic(table))] == [1, 3]
+
     def test_figure_has_a_panel_for_each_kind(self, table):
         figure = transfer_figure({"one Galaxy": table, "another": table[:1]})
         titles = [axes.get_title() for axes in figure.axes if axes.get_visible()]

@@ -23,7 +23,7 @@ COLUMNS = {
 }
 """Power over that of the truth, mean in a band such as "C/C0, 10-19": of the residual, and `corrected`.
 `error_bar` is the scatter of `corrected` over the members of the bootstrap; `foreground` the foreground
-residual, which `corrected` does not have any more."""
+residual, which `corrected` does not have any more, and by which it may be wrong: its systematic error."""
 
 
 def skies(*, n_mocks=8, **settings):
@@ -60,6 +60,15 @@ def corrected_bands(power, transfer):
     errors = power.band_means({kind: transfer.errors(kind) for kind in corrected})
     rows = grid.band_rows(power, uncorrected=power.ratios(), corrected=corrected, foreground=foreground)
     return [row | {"error_bar": float(sigma(errors[row["band"]]))} for row in rows]
+
+
+def with_systematic(table):
+    """The same table, its error bars with the systematic error, in quadrature.
+
+    That is all of the foreground residual that was subtracted: nothing in the data says which share of the
+    residual the estimated foreground holds.
+    """
+    return table.assign(error_bar=np.hypot(table["error_bar"], table["foreground"]))
 
 
 def coverage(table):
