@@ -273,3 +273,10 @@ def test_verify_needs_a_checkout(monkeypatch, himap_command):
     monkeypatch.setattr(code, "ACCEPTED", Path("nowhere") / "accepted.json")
     status, _, said = himap_command("verify")
     assert status == 2 and "checkout of himap" in said
+
+
+def test_the_command_ends_with_what_differs(monkeypatch, himap_command):
+    monkeypatch.setattr(verify, "verify", lambda *_, renew, **__: [] if renew else ["pca", "analysis"])
+    status, _, said = himap_command("verify")
+    assert status == 1 and said.rstrip().endswith("other numbers than those stored: pca, analysis.")
+    assert himap_command("verify", "--renew")[0] == 0

@@ -189,8 +189,9 @@ def verify(renew):
     from himap.paper.canonical import CALLS, RTOLS, codes_of_skies
     from himap.store.verify import verify as accept
 
-    if accept(CALLS, further=codes_of_skies, rtols=RTOLS, renew=renew, report=click.echo) and not renew:
-        raise SystemExit(1)
+    others = accept(CALLS, further=codes_of_skies, rtols=RTOLS, renew=renew, report=click.echo)
+    if others and not renew:
+        raise click.ClickException(f"other numbers than those stored: {', '.join(others)}.")
 
 
 @main.group("cache")
