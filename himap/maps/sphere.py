@@ -309,7 +309,7 @@ def coupling_matrix(mask_cl, lmax):
     (Hivon et al. 2002, Eq. A31).
     """
     n = min(len(mask_cl), 2 * lmax + 1)
-    # The symbol is half the integral of three Legendre polynomials, exact on so many nodes.
+    # The square of a symbol is half the integral of three Legendre polynomials: exact on so many nodes.
     n_nodes = lmax + n // 2 + 1
     nodes = np.cos(ducc0.misc.GL_thetas(n_nodes))
     legendre = np.polynomial.legendre.legvander(nodes, max(lmax, n - 1)).T

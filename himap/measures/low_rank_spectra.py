@@ -145,8 +145,10 @@ def masked_alms(maps, *, mask=None, alms=None):
 
 def masked_power(alms, mask=None):
     """`AngularPower` of coefficients (n_channels, n_alm) of a cube times this mask, as of `masked_alms`."""
-    n_pix = 12 * ((sphere.lmax_of_size(alms.shape[1]) + 1) // 3) ** 2
-    return decouple(sphere.power_spectrum(alms), None if mask is None else mask_weights(mask, n_pix))
+    if mask is None:
+        return decouple(sphere.power_spectrum(alms))
+    _check_alms(alms, (len(alms), len(mask)))
+    return decouple(sphere.power_spectrum(alms), mask_weights(mask, len(mask)))
 
 
 def recovered_power(truth_alms, error, *, mask=None):

@@ -78,7 +78,7 @@ class GMCA(ForegroundRemover):
         mixing = principal_axes(covariance, self.n_sources)
         cube = SplitCube(maps, bright_axes(covariance, least=self.n_sources))
         for n_iterations in range(1, self.max_iterations + 1):
-            share = min(1, n_iterations / self.n_falling)
+            share = min(1.0, n_iterations / self.n_falling)
             sources = starlets.details(cube.projection(safe_inverse(mixing[None])[0]))
             limits = np.empty(sources.shape[:-1])
             for index in np.ndindex(limits.shape):

@@ -2,6 +2,9 @@
 
 A number is found by its rank through a histogram of the leading bits of all, and a search among the few that
 share these: the same as numpy's partition, and quicker, since it passes over all of them only twice.
+
+All compiled functions that call each other are here: numba notices an edit of the file that a function is in.
+Numbers are finite.
 """
 
 import math
@@ -12,6 +15,8 @@ from numba import njit
 NORMAL = 1.4826
 """Standard deviation of normal numbers over the median of their absolute values."""
 
+_C21_NORMAL = 1 / 0.6735  # standard deviation over median absolute deviation, to the digits of C21's code
+_SMALLEST = 1e-20
 _BITS = 48  # of 64 that are left out: what stays is the sign, the exponent and 4 bits of the fraction
 _BINS = 1 << (64 - _BITS)
 _SIGN = np.int64(-(2**63))
@@ -20,6 +25,8 @@ _SIGN = np.int64(-(2**63))
 @njit(cache=True)
 def ranked(values, rank):
     """The number of this rank, 0 for the smallest, among float64 `values` (n,)."""
+    if values.itemsize != 8 or not 0 <= rank < len(values):
+        raise ValueError("a rank is one among float64 numbers")
     keys = values.view(np.int64)
     counts = np.zeros(_BINS, dtype=np.int64)
     for key in keys:
@@ -60,7 +67,7 @@ def sparse(values, n_sigma, share, level=-1.0, soft=True):
     noise, `level`, by default 1.48 times the median absolute value. The `soft` one is taken off the others.
     """
     sizes = np.abs(values)
-    limit = n_sigma * level if level >= 0 else n_sigma * NORMAL * median(sizes)
+    limit = n_sigma * NORMAL * median(sizes) if level < 0 else n_sigma * level
     n_above = np.sum(sizes > limit)
     n_kept = math.ceil(share * n_above)
     if n_kept < n_above:
@@ -71,3 +78,31 @@ def sparse(values, n_sigma, share, level=-1.0, soft=True):
         elif soft:
             values[i] -= np.copysign(limit, values[i])
     return limit
+
+
+@njit(cache=True)
+def deviation(scale):
+    """Standard deviation of a scale (n_pix,) by the median absolute deviation from its median."""
+    return _C21_NORMAL * median(np.abs(scale - median(scale)))
+
+
+@njit(cache=True)
+def shrink(scale, cut, share, least_kept, last, reweighted):
+    """Soft threshold of the coefficients of one scale (n_pix,) in place; one equal to the threshold stays.
+
+    Below `cut`, k times the noise, they are noise; of the others the largest `share` stay, and at least
+    `least_kept` of all. Where `reweighted`, the threshold is divided by 1 + |last| / cut.
+    """
+    sizes = np.abs(scale)
+    threshold = cut
+    if share < 1:
+        n_kept = max(int(share * np.sum(sizes > cut)), least_kept)
+        threshold = ranked(sizes, len(sizes) - n_kept) if n_kept > 0 else np.inf
+    for i in range(len(scale)):
+        limit = threshold
+        if reweighted:
+            limit = threshold / (1 + abs(last[i]) / max(cut, _SMALLEST))
+        if sizes[i] < limit:
+            scale[i] = 0
+        elif sizes[i] > limit:
+            scale[i] -= np.copysign(limit, scale[i])

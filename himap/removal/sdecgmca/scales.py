@@ -1,16 +1,13 @@
 """Thresholds on the starlet scales of the sources (paper, Sect. 3.3, iii; C21, Sect. 3)."""
 
 import numpy as np
-from numba import njit
 
 from himap.maps import sphere
 from himap.maps.starlets import cubic_b_spline, noise_of_scales, starlet_low_passes
 from himap.removal import harmonic
-from himap.removal.thresholds import median, ranked
+from himap.removal.thresholds import deviation, shrink
 
 _N_ITER = 3  # refinements of the quadrature in C21's code
-_NORMAL = 1 / 0.6735  # standard deviation over median absolute deviation, to the digits of C21's code
-_SMALLEST = 1e-20
 
 
 class Scales:
@@ -116,31 +113,3 @@ def low_passes(n_scales, lmax, kind):
         low_pass[:] = smooth / (last + 1e-6)
         low_pass[lmax // (2 * scale) :] = 0
     return filters
-
-
-@njit(cache=True)
-def deviation(scale):
-    """Standard deviation of a scale (n_pix,) by the median absolute deviation from its median."""
-    return _NORMAL * median(np.abs(scale - median(scale)))
-
-
-@njit(cache=True)
-def shrink(scale, cut, share, least_kept, last, reweighted):
-    """Soft threshold of the coefficients of one scale (n_pix,) in place; one equal to the threshold stays.
-
-    Below `cut`, k times the noise, they are noise; of the others the largest `share` stay, and at least
-    `least_kept` of all. Where `reweighted`, the threshold is divided by 1 + |last| / cut.
-    """
-    sizes = np.abs(scale)
-    threshold = cut
-    if share < 1:
-        n_kept = max(int(share * np.sum(sizes > cut)), least_kept)
-        threshold = ranked(sizes, len(sizes) - n_kept) if n_kept > 0 else np.inf
-    for i in range(len(scale)):
-        limit = threshold
-        if reweighted:
-            limit = threshold / (1 + abs(last[i]) / max(cut, _SMALLEST))
-        if sizes[i] < limit:
-            scale[i] = 0
-        elif sizes[i] > limit:
-            scale[i] -= np.copysign(limit, scale[i])
