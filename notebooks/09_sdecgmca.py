@@ -32,8 +32,9 @@
 # \hat{\mathbf{X}}^{\ell m} = \mathrm{diag}(\hat H^\ell)\,\mathbf{A}\,\hat{\mathbf{S}}^{\ell m} + \hat{\mathbf{N}}^{\ell m} .
 # ```
 #
-# Starts that differ by $10^{-10}$ give different results ({doc}`27_restarts`), so figures show an ensemble of
-# restarts (median, 16 to 84 % band, restarts as thin lines), maps the {term}`medoid`.
+# Starts that differ by $10^{-10}$ give different results unless the beam is degraded ({doc}`27_restarts`), so
+# figures show an ensemble of restarts (median, 16 to 84 % band, restarts as thin lines), maps the
+# {term}`medoid`.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -120,8 +121,8 @@ medoid = study.medoid(selected, remover)
 #
 # where $\epsilon$ keeps the inverse finite where the beam is small. In the default reading $\hat H$ is the
 # beam divided by that of the best channel at each $\ell$, as in the example of C21; in the paper it is the
-# beam. It depends on $\mathbf{A}$ and the beam in the *warm-up*, and on the spectra of the last sources in
-# the *refinement* (strategies 3 and 4, Eqs. 26 and 27 of C21), with the strength $c$:
+# beam. $\epsilon$ depends on $\mathbf{A}$ and the beam in the *warm-up*, and on the spectra of the last sources
+# in the *refinement* (strategies 3 and 4, Eqs. 26 and 27 of C21), with the strength $c$:
 #
 # ```{math}
 # :label: eq-sdecgmca-epsilon
@@ -136,8 +137,8 @@ medoid = study.medoid(selected, remover)
 # large coefficients ($\ell_1$ reweighting).
 #
 # **Update of A**: least squares in every channel over all harmonics (in the default reading and the code of
-# C21 over the detail scales), then columns of unit length, in some readings without negative entries (Eqs.
-# 14 to 16 of C21):
+# C21 over the detail scales), then columns of unit length, in the paper, but not in the default reading,
+# without negative entries (Eqs. 14 to 16 of C21):
 #
 # ```{math}
 # :label: eq-sdecgmca-mixing
@@ -208,7 +209,7 @@ channel_figure(study, selected, medoid)
 angular_figure(study, removers)
 
 # %% [markdown]
-# The paper has an excess at low $k_\nu$, too, and a small peak at the ripple.
+# The paper has a small peak at the ripple, as here, and an excess at low $k_\nu$, where here power is lost.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
@@ -279,7 +280,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 # The paper explains the peak by $\epsilon$, which biases the foreground low and the residual high (see the
 # exercise). The figure has the $\epsilon$ of the last $\hat{\mathbf{S}}$; the first multipole with
 # $\epsilon > 0$ of strategy 3, that of the warm-up, for $c$ of Table 1 and the $\mathbf{A}$ of each restart
-# is (–: none):
+# is (–: none in these maps, which do not hold $\ell = 200$):
 
 # %% tags=["hide-input"]
 numbers = {}

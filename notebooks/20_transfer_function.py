@@ -35,15 +35,16 @@
 # \hat P = \frac{P - b}{T} .
 # ```
 #
-# $T$ is the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the part of the residual
-# that is uncorrelated with HI, and $\hat P$ the corrected spectrum. The error bar is the scatter of $\hat P$
+# $T$ is the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the power of the residual
+# beyond $T\, \langle |m|^2 \rangle$, and $\hat P$ the corrected spectrum. The error bar is the scatter of $\hat P$
 # over members that are corrected by each other, times Student's factor for their number. The paper has no
 # such correction.
 #
 # **Which foreground?** A method with few sources leaves in the residual whatever they do not hold, and takes
 # some HI into the faintest of them. Its own $\hat f$ has no residual, and a correction by it no knowledge of
 # one. For all methods $\hat f$ is therefore what SmoothSpectra finds: at every multipole all smooth spectra,
-# seen through the beam, that exceed HI and noise. $b$ is then the *foreground residual* of the method.
+# seen through the beam, that exceed HI and noise. If the method is a projection, $b$ is then its *foreground
+# residual*; else it may be negative.
 # `himap transfer` and `himap clean --mocks` have the $\hat f$ of the method itself instead, as SmoothSpectra
 # fails where channels are few and the band is narrow; they take one source more where that one removes
 # significantly more from the data than from the members.
@@ -409,7 +410,8 @@ quote(
 #
 # Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky; {glue:text}`transfer_skies`
 # skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy. *Before* and *after* are
-# the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$.
+# the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$;
+# below they are larger (tables above).
 # Coverage is of all bands; the squared pull is the median of bands. *With systematic* the error bar has, in
 # quadrature, all of the foreground residual that was subtracted, and is *wider by* that factor (median).
 
@@ -420,12 +422,12 @@ show_table(rows, columns=4)
 # - **The foreground residual is estimated without the truth and subtracted** (column *foreground*). It is
 #   largest for BeamSubspace with three sources on the real Galaxy, and there the estimate is too low.
 # - **The correction is only as good as the estimated foreground.** It lacks what is fainter than HI at every
-#   multipole, and holds HI that is smooth in frequency. With the true foreground in the members the error
-#   bars would be right; with that of SmoothSpectra they are too small where they are smallest, at `quick`.
+#   multipole, and holds HI that is smooth in frequency. The error bars are too small for BeamSubspace, and for
+#   SmoothSpectra at `quick`.
 # - **So the correction is a systematic error too.** Nothing in the data says which share of the foreground
 #   residual the estimate holds, so the whole of what was subtracted is quoted, and added in quadrature. That is
-#   too cautious where the estimate is good, as for BeamSubspace at `ci`; it does not help where the residual
-#   is not foreground that was estimated, as for SmoothSpectra at `quick`.
+#   too cautious for BeamSubspace at `ci`, and does not help SmoothSpectra at `quick`, from whose spectra hardly
+#   anything was subtracted.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` and `foreground` in the
 #   unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
 #   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
