@@ -237,8 +237,8 @@ claims_of(5)
 Markdown(picture(large, "fig-dimmed-spectra", folder))
 
 # %% [markdown]
-# **Masks improve PCA, FastICA and GMCA; SDecGMCA in {glue:text}`answer_masked` of the members, dimming in
-# {glue:text}`answer_dimmed`.** Masks remove
+# **Masks improve PCA, FastICA and GMCA.** Of the members of SDecGMCA post-masking improves
+# {glue:text}`answer_masked`, dimming {glue:text}`answer_dimmed`. Masks remove
 # foreground residuals in the Galactic plane, where a run has them. Where SDecGMCA is near the truth on the
 # full sky, masking or dimming does not improve it, and a change of the sky acts as a restart
 # ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`).
