@@ -109,6 +109,7 @@ Markdown("\n\n".join(f"*{record.made.footer()}*" for record in stored))
 # {glue:text}`restarts_first_theirs` (authors' code; medians with the synthetic and the real Galaxy). They are
 # above a hundredth from iterations {glue:text}`restarts_order_ours` and {glue:text}`restarts_order_theirs` on.
 
+
 # %% tags=["hide-input"]
 def first_factors(ensembles_of):
     """By what the first iteration multiplies the change, for each Galaxy."""
