@@ -214,10 +214,11 @@ plotting.stamp(curves_figure(outcomes), made)
 # {glue:text}`readings_default_other_place` on the others. With one start on each sky,
 # the count of a candidate has a scatter of {glue:text}`readings_scatter` over skies (the median of all
 # candidates), and the means over all skies go from {glue:text}`readings_least` to
-# {glue:text}`readings_most`; that of the default is {glue:text}`readings_default_mean`. So one start does not
-# select a candidate. Until there are several, the default rests on eight on each of two skies at that size and
-# on one at the paper's, in which `code-rounding` did not fail and had the paper's spectra, peak, flagged lines
-# of sight and dependence on the number of sources.
+# {glue:text}`readings_most`, of {glue:text}`readings_most_charitable`; that of the default is
+# {glue:text}`readings_default_mean`. So one start does not select a candidate. Until there are several, the
+# default rests on eight on each of two skies at that size and on one at the paper's, in which `code-rounding`
+# did not fail and had the paper's spectra, peak, flagged lines of sight and dependence on the number of
+# sources.
 
 # %% tags=["hide-input"]
 ensembles = [
@@ -248,9 +249,11 @@ def place(label, ranked):
 first, other_first = (known[ranked[0]].title if ranked else "none" for ranked in (selection, confirmation))
 default = next(label for label, one in candidates().items() if one.values == known["default"].values)
 numbers = dict.fromkeys(("scatter", "least", "most", "default_mean"), "not measured")
+most_charitable = "none"
 if len(counts) > 1:
     counts = pd.DataFrame(counts)  # a row for each sky
     means = counts.mean()
+    most_charitable = known[means.idxmax()].title
     values = counts.std().median(), means.min(), means.max(), means[default]
     numbers = {name: (value, 0.1) for name, value in zip(numbers, values, strict=True)}
 quote(
@@ -265,6 +268,7 @@ quote(
     readings_scatter=numbers["scatter"],
     readings_least=numbers["least"],
     readings_most=numbers["most"],
+    readings_most_charitable=most_charitable,
     readings_default_mean=numbers["default_mean"],
 )
 
