@@ -164,37 +164,3 @@ def frequency_power(maps, channel_width, *, mask=None):
         total += (modes.real**2 + modes.imag**2) @ weights[block]
     power = total * channel_width / (n_channels * norm)
     return FrequencyPower(k=2 * np.pi * fft.rfftfreq(n_channels, channel_width), power=power)
-
-
-def power_without(total, lines, n_lines, channel_width):
-    """`FrequencyPower` of a cube without some of its lines of sight, from that of all: no other is read.
-
-    What these hold is taken off a sum, whose rounding stays: 1e-16 of `total`, or 1e-7 where it is that of a
-    float32 cube. So they may be far brighter than the rest only in what `total` has in float64, such as an
-    error of low rank.
-
-    Parameters
-    ----------
-    total
-        `FrequencyPower` of all `n_lines`.
-    lines
-        Those to leave out, in blocks (n_channels, n) of float64, each channel less its mean over all lines.
-    channel_width
-        MHz.
-
-    Raises
-    ------
-    InputError
-        No line is kept.
-    """
-    n_kept, squares, sums = n_lines, np.zeros(len(total.k)), np.zeros(len(total.k), dtype=complex)
-    for block in lines:
-        modes = fft.rfft(block, axis=0)
-        squares += np.sum(modes.real**2 + modes.imag**2, axis=1) * channel_width / len(block)
-        sums += modes.sum(axis=1) * np.sqrt(channel_width / len(block))
-        n_kept -= block.shape[1]
-    if not n_kept:
-        raise InputError("no line of sight is kept, so there is no mean over those.")
-    # The other lines add up to -sums, and each is to be less the mean of these.
-    squares += np.abs(sums) ** 2 / n_kept
-    return FrequencyPower(k=total.k, power=(n_lines * total.power - squares) / n_kept)

@@ -64,7 +64,7 @@ def sparse(values, n_sigma, share, level=-1.0, soft=True):
     """Drop in place what is at or below a threshold among coefficients (n,) float64; returns the threshold.
 
     It is the one that keeps the largest `share` of those whose absolute value is above `n_sigma` times their
-    noise, `level`, by default 1.48 times the median absolute value. The `soft` one is taken off the others.
+    noise, `level`, by default 1.48 times the median absolute value. If `soft`, the rest is shrunk by it.
     """
     sizes = np.abs(values)
     limit = n_sigma * NORMAL * median(sizes) if level < 0 else n_sigma * level
