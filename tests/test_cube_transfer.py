@@ -151,8 +151,34 @@ class TestMeasured:
         assert ratio[1:] == pytest.approx(1, abs=0.05)
         assert angular.explained and len(remarks_on(both, n_sources)) == foreground
         assert (angular.foreground[low].mean() > 10 * angular.corrected[low].mean()) == foreground
-        pulls = [float(row[-1]) for row in corrected_table(both).rows if row[0] != "C(l), l 20-39"]
-        assert np.abs(pulls).max() < 4  # the band that is left out ends where the truth has no power
+        rows = [row for row in corrected_table(both).rows if row[0] != "C(l), l 20-39"]
+        pulls = np.array(
+            [row[-2:] for row in rows], dtype=float
+        )  # that band ends where the truth has no power
+        assert np.abs(pulls[:, 0]).max() < 4 and (np.abs(pulls[:, 1]) <= np.abs(pulls[:, 0])).all()
+
+    def test_what_was_subtracted_is_the_systematic_error(self, cube, truth, rng):
+        """Of a cleaning with enough sources it is all the foreground residual; with too few there is more."""
+        mocks, several = [blue(rng) for _ in range(3)], []
+        for n_sources in (1, 2):
+            cleaned = clean_cube(cube, "pca", n_sources=n_sources, peaks=False)
+            comparison = compared(cleaned, replace(cube, maps=truth))
+            several.append(correct(measure_transfer(cleaned, mocks), spectra_of(cleaned), comparison))
+        few, enough = (both["angular"] for both in several)
+        assert enough.residual == pytest.approx(enough.share * (enough.corrected + enough.systematic))
+        assert enough.foreground == pytest.approx(enough.systematic)
+        assert (few.foreground[:27] > 10 * abs(few.systematic[:27])).all()
+
+    def test_pull_with_the_systematic_error(self, cube, cleaned, truth, rng):
+        comparison, mocks = compared(cleaned, replace(cube, maps=truth)), [blue(rng) for _ in range(2)]
+        both = correct(measure_transfer(cleaned, mocks), spectra_of(cleaned), comparison)
+        one = replace(both["angular"], systematic=0.3 * both["angular"].corrected)
+        (row,) = (row for row in corrected_table(both | {"angular": one}).rows if row[0] == "C(l), l 10-19")
+        inside = (one.x >= 10) & (one.x < 20)
+        bar = one.sigma([inside / inside.sum()])[0]
+        pull = ((one.corrected / one.truth)[inside].mean() - 1) / np.array([bar, np.hypot(bar, 0.3)])
+        assert row[HEADER.index("systematic")] == "30.00%"
+        assert [float(cell) for cell in row[-2:]] == pytest.approx(pull, abs=0.051)
 
     def test_foreground_that_is_left_with_one_source_more_is_said(self, cube, rng):
         """Three power laws and a method that removes one of them."""
@@ -185,7 +211,7 @@ class TestMeasured:
     def test_a_method_without_a_number_of_sources(self, cube, rng):
         cleaned = clean_cube(cube, "polynomial", order=3, peaks=False)
         both = correct(measure_transfer(cleaned, [blue(rng), blue(rng)]), spectra_of(cleaned))
-        assert both["angular"].n_sources is None and not both["angular"].systematic.any()
+        assert both["angular"].n_sources is None and not both["angular"].one_more.any()
 
     def test_file_of_spectra(self, cube, cleaned, truth, rng, tmp_path):
         comparison = compared(cleaned, replace(cube, maps=truth))

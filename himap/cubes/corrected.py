@@ -9,10 +9,10 @@ from himap.figures.tables import Table
 from himap.measures.bootstrap import covariance
 from himap.measures.diagnostics import bands
 
-HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample")
+HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample", "one source more")
 """Columns of `corrected_table`."""
 
-HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull")
+HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "pull with systematic")
 """Further ones where there is a truth."""
 
 
@@ -37,8 +37,9 @@ def remarks_on(corrected, n_sources):
 def corrected_table(corrected):
     """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`.
 
-    Error bar, systematic and sample variance are relative to the corrected power. The pull is (corrected -
-    truth) / error bar.
+    Error bar, systematic error, sample variance and the change by one source more are relative to the
+    corrected power. The pull is (corrected - truth) / error bar, without and with the systematic error added
+    in quadrature.
     """
     knows = corrected["angular"].knows_truth
     rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
@@ -49,11 +50,13 @@ def corrected_table(corrected):
         row = [plain_band(name), f"{one.share[inside].mean():.4f}"]
         row += [f"{mean / one.residual[inside].mean():.4f}"]
         row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
-        row += [f"{one.systematic[inside].mean() / mean:+.2%}"]
-        row += [f"{sample:.2%}" if np.isfinite(sample) else "–"]
+        systematic = abs(one.systematic[inside].mean() / mean)
+        row += [f"{systematic:.2%}", f"{sample:.2%}" if np.isfinite(sample) else "–"]
+        row += [f"{one.one_more[inside].mean() / mean:+.2%}"]
         if knows:
             ratios = [np.mean(power[inside] / one.truth[inside]) for power in (one.residual, one.corrected)]
-            row += [*map("{:.4f}".format, ratios), f"{(ratios[1] - 1) / bar:+.1f}"]
+            pulls = [(ratios[1] - 1) / sigma for sigma in (bar, np.hypot(bar, systematic))]
+            row += [*map("{:.4f}".format, ratios), *map("{:+.1f}".format, pulls)]
         rows.append(row)
     return Table(header, rows, align="l" + "r" * (len(header) - 1))
 
@@ -88,8 +91,10 @@ def corrected_parts(corrected):
         f"Each of {n_mocks} mocks took the place of the HI and noise of the cube, and was cleaned with its "
         f"foreground{used}. What comes back of their power is the transfer function T; what a residual has "
         "beyond that is foreground residual, and subtracted. Thin lines are one error bar, from mocks that "
-        "are corrected by each other: the error of a cleaning of this very sky. Sample variance and noise "
-        "are a column of the table and not in the error bar; the systematic is by how much one source more "
+        "are corrected by each other: the error of a cleaning of this very sky. The mocks have the "
+        "foreground that the cleaning estimated, and the correction is as good as this estimate: all that "
+        "was subtracted is quoted as systematic error, to be added to the error bar in quadrature. Sample "
+        "variance and noise are a column of the table and in neither; another is by how much one source more "
         "changes the result. Mocks must resemble the data: their HI has the power that himap assumes, or "
         "that of the files that were given."
     )
@@ -118,16 +123,16 @@ def write_spectra(corrected, path, scatter=None):
 
     Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), and of `Corrected` ``residual``
     (mK^2, or mK^2 MHz), ``transfer_function``, ``corrected``, ``sigma`` and ``sample`` (both relative),
-    ``foreground``, ``systematic`` and ``truth`` (as ``residual``); for each mock also ``error_1`` and so on,
-    of which `himap.measures.bootstrap.covariance` is the relative covariance of lines or of means over them;
-    of the `Scatter` of restarts also its `columns`.
+    ``foreground``, ``systematic``, ``one_more``, ``truth`` (as ``residual``); for each mock also ``error_1``
+    and so on, of which `himap.measures.bootstrap.covariance` is the relative covariance of lines or of means
+    over them; of the `Scatter` of restarts also its `columns`.
     """
     tables = []
     for kind, one in corrected.items():
         each = np.eye(len(one.x))
         columns = {"residual": one.residual, "transfer_function": one.share, "corrected": one.corrected}
         columns |= {"sigma": one.sigma(each), "sample": one.sigma(each, "sample")}
-        columns |= {"foreground": one.foreground, "systematic": one.systematic, "truth": one.truth}
+        columns |= {name: getattr(one, name) for name in ("foreground", "systematic", "one_more", "truth")}
         columns |= {f"error_{n}": errors for n, errors in enumerate(one.errors, 1)}
         columns |= {} if scatter is None else scatter.columns(kind, one.x)
         tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))

@@ -37,9 +37,13 @@ class Corrected:
         Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
     sample
         Power of each mock over their mean, less 1, (n_mocks, n): sample variance and noise, in no error bar.
-    foreground
-        What the same correction of `residual` has more, in the unit of the spectrum: foreground residual.
     systematic
+        What was estimated from the mocks as foreground residual and subtracted, over the transfer function,
+        in the unit of the spectrum. Nothing in the data says how good this estimate is, so it is the
+        systematic error of `corrected`.
+    foreground
+        All foreground residual of `residual`, likewise: more, if the correction is made with one source more.
+    one_more
         What `corrected` has more than the correction by the same members with one source more, likewise.
     truth
         The spectrum of the truth, NaN where it is not known.
@@ -55,8 +59,9 @@ class Corrected:
     corrected: np.ndarray
     errors: np.ndarray
     sample: np.ndarray
+    systematic: np.ndarray
     foreground: np.ndarray | None = None
-    systematic: np.ndarray | None = None
+    one_more: np.ndarray | None = None
     truth: np.ndarray | None = None
     n_sources: int | None = None
     explained: bool = True
@@ -205,8 +210,9 @@ def correct(measured, spectra, truth=None):
             one,
             residual=shown[kind][inside],
             corrected=one.corrected * scale,
-            foreground=own.corrected * own_scale - one.corrected * scale,
-            systematic=(one.corrected - more.corrected) * scale,
+            systematic=one.systematic * scale,
+            foreground=(own.corrected + own.systematic) * own_scale - one.corrected * scale,
+            one_more=(one.corrected - more.corrected) * scale,
             truth=np.interp(one.x, *true.get(kind, ([0], [np.nan])), left=np.nan, right=np.nan),
             n_sources=getattr(cleaned.method, "n_sources", None),
             explained=bool(explaining),
@@ -235,4 +241,5 @@ def _in_bins(kind, x, transfer, power):
         corrected=bins @ corrected[known],
         errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
         sample=transfer.sample(kind)[:, known] @ bins.T,
+        systematic=bins @ transfer.foreground(kind)[known],
     )
