@@ -4,6 +4,7 @@ The mean over the sky is removed from every channel first, as in the paper.
 """
 
 import numbers
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +15,12 @@ from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.low_rank import blocks
-from himap.maps.masks import bin_matrix, decoupled, mask_weights
+from himap.maps.masks import bin_matrix, mask_weights
 
 BLOCK = 4096
 """Lines of sight at a time: their float64 copy stays small."""
+
+_MAX_CONDITION = 1e6  # beyond it decoupling amplifies rounding of float32 maps to the size of the signal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +63,7 @@ class PowerSpectra:
 
 
 def angular_power(maps, *, mask=None, bin_width=None):
-    """Angular power spectrum of every channel, to l = 3 nside - 1.
+    """`AngularPower` of every channel, to l = 3 nside - 1.
 
     With a mask the pseudo-C_l are decoupled by the mask's mode-coupling matrix (MASTER, Hivon et al.
     2002), in bins of l. If the binned matrix cannot be inverted reliably, a warning is given and
@@ -74,10 +77,6 @@ def angular_power(maps, *, mask=None, bin_width=None):
         (n_pix,) bool, True where kept, or weights between 0 and 1; None for the full sky.
     bin_width
         Multipoles per bin; 1 / f_sky rounded up unless given, so 1 on the full sky.
-
-    Returns
-    -------
-    AngularPower
 
     Raises
     ------
@@ -95,15 +94,29 @@ def angular_power(maps, *, mask=None, bin_width=None):
 
 
 def decouple(pseudo, weights=None, bin_width=None):
-    """`AngularPower` of pseudo-C_l (n_channels, lmax + 1), in bins of l as of `angular_power`.
+    """`AngularPower` of pseudo-C_l (n_channels, lmax + 1), mK^2, in bins of l as of `angular_power`.
 
-    `weights` (n_pix,) are those of the mask, whose coupling of multipoles is undone; None for the full sky.
+    `weights` (n_pix,) are those of the mask, whose coupling of multipoles is undone, or if that cannot be
+    inverted with a warning their mean square; None for the full sky.
     """
     lmax = pseudo.shape[1] - 1
     if bin_width is None:
         bin_width = 1 if weights is None else min(int(np.ceil(1 / weights.mean())), lmax)
     bins = bin_matrix(lmax, bin_width)
-    cl = pseudo @ bins.T if weights is None else decoupled(pseudo, weights, bins)
+    cl = pseudo @ bins.T
+    if weights is not None:
+        coupling = sphere.coupling_matrix(sphere.power_spectrum(sphere.analyse(weights)), lmax)
+        binned = bins @ coupling @ (bins > 0).T
+        condition, f_sky = np.linalg.cond(binned), np.mean(weights**2)
+        if condition > _MAX_CONDITION:
+            warnings.warn(
+                f"the mask keeps {f_sky:.1%} of the sky and its coupling matrix has condition number "
+                f"{condition:.1e}: C_l are divided by that fraction instead of decoupled; use wider bins.",
+                stacklevel=2,
+            )
+            cl /= f_sky
+        else:
+            cl = np.linalg.solve(binned, cl.T).T
     return AngularPower(degrees=bins @ np.arange(lmax + 1), cl=cl)
 
 
@@ -127,7 +140,7 @@ def checked_maps(maps, mask):
 
 
 def frequency_power(maps, channel_width, *, mask=None):
-    """Frequency power spectrum, averaged over lines of sight.
+    """`FrequencyPower`, averaged over lines of sight.
 
     ``P(k) = <|dnu FFT_nu(T - mean)|^2> / (n_channels dnu)`` at k = 2 pi n / (n_channels dnu), n from 0 to
     n_channels // 2, with the mean over the sky of each channel.
@@ -140,10 +153,6 @@ def frequency_power(maps, channel_width, *, mask=None):
         MHz.
     mask
         As in `angular_power`; weights count once in the mean over lines of sight.
-
-    Returns
-    -------
-    FrequencyPower
 
     Raises
     ------
