@@ -131,10 +131,6 @@ def test_result_in_the_cache_is_that_of_the_mock(mock):
     assert GNILC().digest() == ""
 
 
-def test_the_line_is_where_the_simulations_have_it():
-    assert gnilc.LINE == FREQ_21CM
-
-
 def test_shape_is_that_of_matter_with_power_like_one_over_k_squared():
     """The integral over waves along the line of sight, between the distances of two channels."""
     degree, freqs = 60, np.linspace(1090, 1110, 11)

@@ -13,6 +13,9 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter, power_of_two
 from himap.core.errors import InputError
 
+FREQ_21CM = 1420.405751768
+"""Rest frequency of the 21 cm line, MHz."""
+
 NESTED_CELLS = 1024
 """Cells a side of the largest HI box with modes of its own: larger ones have those of this one, and more."""
 

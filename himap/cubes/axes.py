@@ -10,10 +10,10 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.core.reading import format_of
+from himap.core.survey import FREQ_21CM
 from himap.cubes.layout import is_seen
 from himap.maps.healpix_io import agreed, freqs_in
 from himap.maps.sphere import sphere_sizes
-from himap.removal.gnilc import LINE
 
 _N_FITTED = 3  # numbers of a parabola
 _SMOOTH = 1e-3  # of the power, that it leaves along an axis that looks like frequency
@@ -184,7 +184,7 @@ def check_names(names, freqs):
     near = False
     for column in columns:
         may_be = [(factor * column, _SHARE * step) for factor in _IN_NAMES]
-        for numbers, reach in (*may_be, (LINE / (1 + column), np.inf)):  # redshifts are rounded more
+        for numbers, reach in (*may_be, (FREQ_21CM / (1 + column), np.inf)):  # redshifts are rounded more
             if np.median(np.abs(np.sort(numbers) - np.sort(freqs))) > step:
                 continue
             near = True

@@ -12,15 +12,13 @@ from himap.core.checks import checked_cube
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.core.reading import mapped_array
+from himap.core.survey import FREQ_21CM
 from himap.maps import sphere
 from himap.maps.low_rank import centred, projection
 from himap.maps.starlets import cosine_needlets
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered
-
-LINE = 1420.405751768
-"""Rest frequency of the 21 cm line, MHz."""
 
 _BRIGHT = 9.0  # times the median of the variances: foreground, not HI and noise alone
 _ORDER = 3  # of the polynomial in frequency through the logarithm of a variance
@@ -233,26 +231,19 @@ def expected_covariance(covariance, freqs, degree):
     exp(-l (r' - r) / r): in redshift, which is distance here, (z / z')^l. The variance by channel is a smooth
     curve through what `covariance`, that of the data, has off the axes where foreground stands out.
 
-    Parameters
-    ----------
-    covariance
-        Of the data, (n_channels, n_channels).
-    freqs
-        MHz, below the rest frequency of the line.
-    degree
-        Multipole l.
+    Of the covariance of the data, (n_channels, n_channels), at `freqs`, MHz, and l, `degree`.
 
     Raises
     ------
     InputError
         A frequency at or above that of the line, which no HI in the Hubble flow has.
     """
-    if freqs[-1] >= LINE:
+    if freqs[-1] >= FREQ_21CM:
         raise InputError(
-            f"without a mock HI is expected below {LINE:.1f} MHz, got channels up to {freqs[-1]:g} MHz; give "
-            "prior, a file with a mock."
+            f"without a mock HI is expected below {FREQ_21CM:.1f} MHz, got channels up to {freqs[-1]:g} MHz; "
+            "give prior, a file with a mock."
         )
-    place = degree * np.log(LINE / freqs - 1)
+    place = degree * np.log(FREQ_21CM / freqs - 1)
     shape = np.exp(-np.abs(place[:, None] - place))
     values, axes = np.linalg.eigh(covariance)
     faint = axes[:, values <= _BRIGHT * np.median(values)]

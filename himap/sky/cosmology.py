@@ -13,9 +13,7 @@ from scipy.integrate import cumulative_simpson, quad
 from scipy.interpolate import CubicSpline
 
 from himap.core.errors import InputError
-
-FREQ_21CM = 1420.405751768
-"""Rest frequency of the 21 cm line, MHz."""
+from himap.core.survey import FREQ_21CM
 
 _EINSTEIN_A10 = 2.86888e-15 / u.s  # Gould 1994, ApJ 423, 522
 _HUBBLE_DISTANCE = const.c.to_value(u.km / u.s) / 100  # c / H0 in Mpc/h
