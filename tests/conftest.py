@@ -69,6 +69,14 @@ def rng():
     return np.random.default_rng(12345)
 
 
+@pytest.fixture
+def problem(rng):
+    """Maps without noise, A and S of `sparse_problem.make_problem`."""
+    from sparse_problem import make_problem  # it imports the transforms, which most tests do without
+
+    return make_problem(rng)[:3]
+
+
 @pytest.fixture(scope="session")
 def real_sky():
     """Folder of the real Galaxy templates (nside 64), which the project cannot ship."""

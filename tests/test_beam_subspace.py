@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy, sparse_sources
+from sparse_problem import BEAMS, NSIDE, largest_angle, noisy, sparse_sources
 
 from himap.core.errors import InputError
 from himap.maps import sphere
@@ -11,11 +11,6 @@ from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
 
 FREQS = np.linspace(900, 1400, 8)
-
-
-@pytest.fixture
-def problem(rng):
-    return make_problem(rng)[:3]
 
 
 def separated(maps, beams=BEAMS, **options):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from healpy import UNSEEN
-from sparse_problem import BEAMS, NSIDE, largest_angle, make_problem, noisy
+from sparse_problem import BEAMS, NSIDE, largest_angle, noisy
 
 from himap.core.errors import InputError
 from himap.maps import sphere
@@ -20,11 +20,6 @@ LATITUDE = sphere.pixel_latitude(NSIDE)
 CUT = np.abs(LATITUDE) > 15
 GIVEN = {"freqs": FREQS, "beams": BEAMS}
 METHOD = BeamSubspace(n_sources=4)
-
-
-@pytest.fixture
-def problem(rng):
-    return make_problem(rng)[:3]
 
 
 class TestExactness:

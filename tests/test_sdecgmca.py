@@ -22,11 +22,6 @@ FREQS = np.linspace(900, 1400, 8)
 QUICK = {"n_sources": 4, "n_warmup": 10, "n_refinement": 5, "noise": 0.5, "n_scales": 3}
 
 
-@pytest.fixture
-def problem(rng):
-    return make_problem(rng)[:3]
-
-
 def clean(method, maps, **options):
     return method.clean(maps, freqs=FREQS, beams=options.pop("beams", BEAMS), **options)
 

@@ -18,6 +18,7 @@ from cube_files import FREQS, N_PIX, NSIDE, himap, power_law_maps
 from himap.cubes import clean_cube, read_cube
 from himap.sky.cosmology import redshift
 
+pytestmark = pytest.mark.usefixtures("here")
 EDGES = np.linspace(900, 1020, 25)
 CENTRES = (EDGES[1:] + EDGES[:-1]) / 2
 STOKES = np.array(["I", "Q", "U", "V"])
@@ -26,12 +27,6 @@ STOKES = np.array(["I", "Q", "U", "V"])
 @pytest.fixture
 def maps(rng):
     return power_law_maps(rng)
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 PAGE = Path(__file__).parents[1] / "book" / "simulators.md"

@@ -3,17 +3,12 @@
 import numpy as np
 import pytest
 from smooth_problem import make_sky
-from sparse_problem import BEAMS, LMAX, NSIDE, make_problem
+from sparse_problem import BEAMS, LMAX, NSIDE
 
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.analysis import cube_modes
 from himap.removal.spectral_filter import SpectralFilter, filtered, on_sky, seen_through, through_beams
-
-
-@pytest.fixture
-def problem(rng):
-    return make_problem(rng)[:3]
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy import ndimage
+from sdecgmca_twin import low_passes
 
 from himap.core.errors import InputError
 from himap.maps import sphere
@@ -16,18 +17,13 @@ PEAKS = [4, 8, 20]
 
 
 def test_filters_are_the_formula():
-    """phi = (3/2) B3(2 l / cut-off), B3 by its textbook sum of cubes; scales are differences of these."""
-    lmax, degree = 40, np.arange(41)
-
-    def low_pass(cut_off):
-        x = 2 * degree / cut_off
-        terms = zip((1, -4, 6, -4, 1), (-2, -1, 0, 1, 2), strict=True)
-        return 1.5 * sum(factor * np.abs(x + shift) ** 3 for factor, shift in terms) / 12
-
+    """phi_j are those of the twin, with B3 by its textbook sum of cubes; scales are differences of these."""
+    lmax = 40
+    first, second, third = low_passes(3, lmax, "cascade")
     filters = starlet_filters(3, lmax)
-    assert filters[0] == pytest.approx(1 - low_pass(lmax / 2), abs=1e-12)
-    assert filters[1] == pytest.approx(low_pass(lmax / 2) - low_pass(lmax / 4), abs=1e-12)
-    assert filters[3] == pytest.approx(low_pass(lmax / 8), abs=1e-12)
+    assert filters[0] == pytest.approx(1 - first, abs=1e-12)
+    assert filters[1] == pytest.approx(first - second, abs=1e-12)
+    assert filters[3] == pytest.approx(third, abs=1e-12)
     assert filters.sum(axis=0) == pytest.approx(np.ones(lmax + 1))
 
 
