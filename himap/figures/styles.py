@@ -89,9 +89,10 @@ def of_methods(methods):
     for name, number in methods:
         n = n_of[name] = n_of.get(name, -1) + 1
         style = METHOD_STYLES.get(name, _OTHER)
+        ink = 1 - np.array(matplotlib.colors.to_rgb(style["color"]))
         dashes = [style["linestyle"], *(one for one in _UNLIKE if one != style["linestyle"])]
         looks[name, number] = {
-            "color": tuple(paler(style["color"], n)),
+            "color": tuple(1 - ink * (1 - _PALER) ** n),
             "linestyle": dashes[n % len(_DASHES)],
             "label": numbered(name, number),
             "linewidth": 1.6,
@@ -108,12 +109,6 @@ def of_restarts(style, *failed, n):
     if n == 1:
         return style
     return style | {"label": f"{style['label']}, median of {n} ({', '.join(map(str, failed))} failed)"}
-
-
-def paler(color, steps):
-    """The colour some steps nearer to white, (3,): for more of the same, such as sources of one method."""
-    rgb = np.array(matplotlib.colors.to_rgb(color))
-    return 1 - (1 - rgb) * (1 - _PALER) ** steps
 
 
 def sequence(labels):

@@ -42,6 +42,10 @@ class FastICA(ForegroundRemover):
             raise InputError("fastica starts from a random rotation: pass rng=np.random.default_rng(seed).")
 
     def _separate(self, data):
+        # Imported here: every other method does without, and it takes as long as all of himap.
+        from sklearn.decomposition import fastica
+        from sklearn.exceptions import ConvergenceWarning
+
         axes = principal_components(data, self.n_sources)
         scale = np.sqrt(np.mean(axes.sources**2, axis=1))
         # Less is the rounding of float32 maps alone, spread over channels.
@@ -50,7 +54,13 @@ class FastICA(ForegroundRemover):
         n_iterations = 0
         if rank:
             white = axes.sources[:rank] / scale[:rank, None]
-            rotation, n_iterations = self._rotation(white, data.rng.standard_normal((rank, rank)))
+            options = {"fun": self.contrast, "max_iter": self.max_iterations, "tol": self.tolerance}
+            start = {"whiten": False, "w_init": data.rng.standard_normal((rank, rank))}
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ConvergenceWarning)  # the base class warns, in our words
+                _, rotation, _, n_iterations = fastica(
+                    white.T, **options, **start, compute_sources=False, return_n_iter=True
+                )
             mixing[:, :rank], sources[:rank] = ordered(
                 axes.mixing[:, :rank] * scale[:rank] @ rotation.T, rotation @ white
             )
@@ -58,26 +68,6 @@ class FastICA(ForegroundRemover):
             low_rank=axes.foreground,
             mixing=mixing,
             sources=sources,
-            converged=n_iterations < self.max_iterations,
+            converged=n_iterations < self.max_iterations,  # else the largest number
             n_iterations=n_iterations,
         )
-
-    def _rotation(self, white, start):
-        """W and the number of iterations, which is the largest one where scikit-learn did not converge."""
-        # Imported here: every other method does without, and it takes as long as all of himap.
-        from sklearn.decomposition import fastica
-        from sklearn.exceptions import ConvergenceWarning
-
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)  # the base class warns, in our words
-            _, rotation, _, n_iterations = fastica(
-                white.T,
-                whiten=False,
-                fun=self.contrast,
-                max_iter=self.max_iterations,
-                tol=self.tolerance,
-                w_init=start,
-                compute_sources=False,
-                return_n_iter=True,
-            )
-        return rotation, n_iterations
