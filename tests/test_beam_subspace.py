@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, NSIDE, largest_angle, noisy, sparse_sources
 
-from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal.beam_subspace import BeamSubspace
 from himap.removal.gmca import GMCA
@@ -89,8 +88,3 @@ def test_noise_as_an_array_is_noise_as_a_tuple():
     """Methods are keys of what is stored."""
     one, two = BeamSubspace(noise=np.full(8, 0.1)), BeamSubspace(noise=(0.1,) * 8)
     assert one == two and hash(one) == hash(two)
-
-
-def test_noise_for_another_number_of_channels(problem):
-    with pytest.raises(InputError, match="one value or 8, one for each channel, got 3"):
-        separated(problem[0], noise=(1, 2, 3))

@@ -144,11 +144,6 @@ class TestOscillating:
             arcmin = {"additive": 0.1, "additive_strong": 0.5}[ripple]
             assert np.rad2deg(wave) * 60 == pytest.approx([arcmin, -arcmin])
 
-    @pytest.mark.parametrize("beam", [Oscillating(), Rippled()], ids=str)
-    def test_beyond_the_polynomial(self, beam):
-        with pytest.raises(InputError, match="850 to 1420 MHz"):
-            beam.windows([1000.0, 1500.0], lmax=10)
-
 
 def test_gaussian_beam_against_healpy():
     fwhm = np.deg2rad([1.0, 2.0])
@@ -190,25 +185,6 @@ class TestMeerKAT:
         assert np.array_equal(named(beam).windows(freqs, lmax=60).total, chosen.windows(freqs, lmax=60).total)
         error = PerturbedBeam(beam=beam, width=0.01)
         assert error.chosen_for(freqs) == replace(error, beam=str(chosen))
-
-    @pytest.mark.parametrize(
-        ("beam", "freqs", "message"),
-        [
-            (
-                "meerkat",
-                [971, 1023],
-                "one band alone, of UHF and L, got 971 to 1023.*name one: meerkat:band=UHF",
-            ),
-            ("meerkat", [500, 600], "UHF from 550 to 1050 MHz, L from 900 to 1650 MHz.*leave out"),
-            ("meerkat", [880, 1060], "of UHF and L, got 880 to 1060"),
-            ("meerkat:band=UHF", [1000, 1084], "of UHF, got 1000 to 1084"),
-            ("meerkat_lobes:band=L", [899, 1000], "of L, got 899 to 1000"),
-            ("meerkat:band=S", [900, 1000], "band must be any, UHF or L, got 'S'"),
-        ],
-    )
-    def test_refused(self, beam, freqs, message):
-        with pytest.raises(InputError, match=message):
-            named(beam).windows(freqs, lmax=10)
 
 
 class TestMeerKATLobes:
@@ -308,9 +284,7 @@ class TestFromFile:
         with pytest.raises(InputError, match=message):
             pipeline.Case(survey=SURVEY, beam=FromFile(path=tmp_path / "b.npy"))
 
-    def test_no_file_and_code_in_one(self, tmp_path):
-        with pytest.raises(InputError, match="there is no file nowhere.txt"):
-            FromFile(path="nowhere.txt")
+    def test_code_in_a_file(self, tmp_path):
         np.save(tmp_path / "b.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
         with pytest.raises(InputError, match="no .npy file of plain numbers"):
             FromFile(path=tmp_path / "b.npy").of_survey(SURVEY)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison, band_means, bands
 
@@ -35,15 +34,11 @@ def test_definitions_of_the_mean_squared_error():
     for definition, error in expected.items():
         assert diagnostics.mean_squared_error(found, true, definition) == pytest.approx(error)
         assert diagnostics.mean_squared_error(true, true, definition) == 0
-    with pytest.raises(InputError, match="'rms'; there are relative, logarithmic, absolute"):
-        diagnostics.mean_squared_error(found, true, "rms")
 
 
 def test_within_two_ends():
     x, values = np.arange(5.0), np.array([9.0, 1.0, 6.0, 2.0, 9.0])
     assert diagnostics.inside(x, values, 0, 4).tolist() == [1, 6, 2]
-    with pytest.raises(InputError, match="nothing lies between 4 and 9: the values go from 0 to 4"):
-        diagnostics.inside(x, values, 4, 9)
 
 
 class TestBands:

@@ -312,9 +312,3 @@ def test_same_seed_same_maps_whatever_the_threads():
     finally:
         numba.set_num_threads(threads)
     assert not np.array_equal(first, band_maps(seed=8))
-
-
-def test_band_beyond_the_box_is_an_error():
-    with pytest.raises(InputError, match="box_size to at least 2994"):
-        survey = Survey(nside=8, box_size=2000.0, box_cells=16)
-        hi.hi_maps(survey, survey.rng("hi"))

@@ -73,13 +73,6 @@ def test_a_ripple_is_a_peak_of_the_cube_but_never_of_its_line(smooth, rng):
     assert np.array_equal(found.second[:, 7], found.first[:, 7]) or found.flagged[:, 7].mean() < 0.93
 
 
-def test_bad_spreads(smooth):
-    with pytest.raises(InputError, match="one of line, channel, cube, mad, got 'sky'"):
-        smooth_baselines(smooth, FREQS, spread="sky")
-    with pytest.raises(InputError, match="weights the spread is that of the line, got 'cube'"):
-        smooth_baselines(smooth, FREQS, spread="cube", weights=np.ones(smooth.shape))
-
-
 @pytest.mark.parametrize("even", [True, False])
 def test_many_channels_left_out_at_one_end(even, rng):
     """The worst case for the normal equations: 15 of 100 channels at the end of the band are flagged."""

@@ -1,6 +1,7 @@
 """What the library refuses, in one table: a call, what is wrong in it, and what is said."""
 
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,17 +10,19 @@ from himap import removal
 from himap.core.checks import checked_cube, whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
-from himap.instrument.beams import named
+from himap.instrument.beams import FromFile, named
 from himap.maps import sphere
 from himap.measures.cylindrical import cell_of, cylindrical_power
-from himap.measures.diagnostics import ratio
+from himap.measures.diagnostics import inside, mean_squared_error, ratio
 from himap.measures.spectra import angular_power, frequency_power
 from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
 from himap.paper import pipeline
 from himap.removal.peaks import mask_peaks
+from himap.removal.restarts import Ensemble
 from himap.removal.smooth_spectra import SmoothSpectra
 from himap.sky.cosmology import Cosmology
 from himap.sky.galaxy import Dimming, Galaxy
+from himap.sky.hi import hi_maps
 
 N_PIX = 192
 FREQS = np.linspace(902.5, 1397.5, 100)
@@ -43,6 +46,14 @@ def clean(name, n_channels=100, maps=SKY, parameters=(), **given):
     return method.clean(maps[:n_channels], **{"freqs": FREQS[:n_channels]} | given)
 
 
+def windows(beam):
+    return partial(named(beam).windows, lmax=10)
+
+
+def restarted(method):
+    return partial(Ensemble.of, SimpleNamespace(method=method))
+
+
 def errors_of_transfer(**given):
     return TransferFunction(**({"mocks": (MockPower(ONE, ONE, ONE),)} | given)).errors("angular")
 
@@ -52,7 +63,7 @@ def power_of_box(**given):
 
 
 method = partial(partial, removal.create)
-weighted = partial(clean, "pca", 16)
+weighted, masked = partial(clean, "pca", 16), partial(clean, "pca")
 peaks = partial(mask_peaks, SKY, FREQS)
 powers, along = partial(angular_power, ONES), partial(frequency_power, ONES)
 checked = partial(checked_cube, "maps")
@@ -95,6 +106,18 @@ TABLE = [
     (named, "text", "misjudged:period=0", "period .* must be above 0, got 0"),
     (named, "text", "misjudged:width=wide", "width .* must be a number, got 'wide'"),
     (named, "text", 3, "a beam is a name or the path of a file, got 3"),
+    (named, "text", "meerkat:band=S", "band must be any, UHF or L, got 'S'"),
+    (FromFile, "path", "nowhere.txt", "there is no file nowhere.txt"),
+    (windows("oscillating"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz"),
+    (windows("rippled"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz"),
+    (windows("meerkat"), "freqs", [971, 1023], "of UHF and L, got 971 to 1023.*name one: meerkat:band=UHF"),
+    (windows("meerkat"), "freqs", [500, 600], "UHF from 550 to 1050 MHz, L from 900 to 1650 MHz.*leave out"),
+    (windows("meerkat"), "freqs", [880, 1060], "one band alone, of UHF and L, got 880 to 1060"),
+    (windows("meerkat:band=UHF"), "freqs", [1000, 1084], "of UHF, got 1000 to 1084"),
+    (windows("meerkat_lobes:band=L"), "freqs", [899, 1000], "of L, got 899 to 1000"),
+    (partial(hi_maps, rng=None), "survey", Survey(box_size=2000.0), "box_size to at least 2994"),
+    (removal.create, "name", "pcs", r"unknown method 'pcs' \(did you mean pca\?\); there are .*pca"),
+    (method("pca"), "n_sorces", 3, "did you mean n_sources.*number of components"),
     (method("parametric"), "beta_min", -7, "beta_min .* must be at least -6"),
     (method("parametric"), "beta_max", -2.13, "beta_max .* must be at most -2.14"),
     (method("parametric", beta_max=-2.5), "beta_min", -2.5, "beta_min must be below beta_max"),
@@ -129,6 +152,7 @@ TABLE = [
             ("lmax", 2, "at least 4"),
         )
     ),
+    (partial(clean, "beam_subspace"), "parameters", {"noise": (1, 2)}, "one value or 100, .*, got 2"),
     (method("beam_subspace"), "thresholds", None, "thresholds must be analytic or mad"),
     (method("sdecgmca"), "thresholds", "median", "thresholds must be mad or analytic, got 'median'"),
     (method("sdecgmca"), "reading", "quick", "one of default, letter, code, code-rounding, .*, got 'quick'"),
@@ -150,10 +174,19 @@ TABLE = [
     (peaks, "n_sigma", 0, "n_sigma must be a positive number .*, got 0"),
     *((peaks, "n_sigma", value, f"got {value!r}") for value in (np.nan, "5", True)),
     (peaks, "n_sigma", 1.0, "could flag 99 of 100 channels, too many to fit order 6"),
+    (peaks, "spread", "sky", "one of line, channel, cube, mad, got 'sky'"),
+    (partial(peaks, spread="cube"), "weights", np.ones(SKY.shape), "that of the line, got 'cube'"),
     (partial(mask_peaks, SKY[:1]), "freqs", FREQS[:1], "2 or more channels"),
     (partial(mask_peaks, SKY), "freqs", FREQS[1:], "one MHz value per channel"),
     (partial(mask_peaks, SKY), "freqs", FREQS[::-1], "ascending"),
     (partial(mask_peaks, BROKEN), "freqs", FREQS, "got 1 NaN"),
+    (masked, "mask", np.ones(N_PIX - 1), r"shape \(n_pix,\) = \(192,\), got \(191,\)"),
+    (masked, "mask", np.full(N_PIX, 0.5), "got values between"),
+    (masked, "mask", np.full(N_PIX, np.nan), "got values outside"),
+    (masked, "mask", np.zeros(N_PIX, bool), "keeps no pixel"),
+    (masked, "mask", np.full(N_PIX, "yes"), "the mask must be real numbers"),
+    (partial(clean, "pca", maps=BROKEN), "mask", np.arange(N_PIX) < 9, "got 1 NaN, infinite or UNSEEN"),
+    (partial(clean, "pca", 16, BROKEN), "weights", changed(0), "got 1 NaN, infinite or UNSEEN"),
     (weighted, "weights", changed(-1), "finite and 0 or more, got 1 that are not"),
     (weighted, "weights", changed(np.nan), "finite and 0 or more, got 1 that are not"),
     (weighted, "weights", changed(np.inf, (slice(2), 0)), "finite and 0 or more, got 2 that are not"),
@@ -189,6 +222,15 @@ TABLE = [
     (partial(pipeline.Case, survey=SURVEY), "dimming", 0.1, "dimming must be a Dimming or None, got 0.1"),
     (partial(ratio, [1.0]), "true", [1.0, 2.0], "one shape"),
     (partial(ratio, [1.0]), "true", [0.0], "must be positive"),
+    (
+        partial(mean_squared_error, [1.0], [1.0]),
+        "definition",
+        "rms",
+        "'rms'; there are relative, logarithmic",
+    ),
+    (partial(inside, np.arange(5), np.arange(5), 4), "high", 9, "between 4 and 9: the values go from 0 to 4"),
+    (restarted(removal.PCA()), "n", 8, "pca does not depend on its start"),
+    (restarted(removal.SDecGMCA()), "n", 0, "restarts must be a whole number between 1"),
     (errors_of_transfer, "mocks", (), "got none"),
     (errors_of_transfer, "mocks", (MockPower(ONE, ONE, ONE),), "two mocks or more"),
     (power_of_box, "maps", np.zeros((4, 9)), "shape"),

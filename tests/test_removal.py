@@ -273,13 +273,6 @@ def test_maps_without_any_structure(name):
     assert not cleaned.residual.any() and np.isfinite(cleaned.separation.mixing).all()
 
 
-def test_unknown_method_and_parameter():
-    with pytest.raises(InputError, match=r"unknown method 'pcs' \(did you mean pca\?\); there are .*pca"):
-        removal.create("pcs")
-    with pytest.raises(InputError, match="did you mean n_sources.*number of components"):
-        removal.create("pca", n_sorces=3)
-
-
 @pytest.mark.parametrize(
     ("method", "given", "message"),
     [

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, make_problem, noisy
 
-from himap.core.errors import InputError
 from himap.removal.base import SeparationWarning
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
@@ -108,13 +107,6 @@ def test_ensemble_of_sdecgmca(sparse):
     alone = cleaning.with_restart(4).separation
     assert np.array_equal(ensemble.members[2].separation.mixing, alone.mixing)
     assert (ensemble.distances[np.triu_indices(3, 1)] > 0).all()
-
-
-def test_no_restarts_of_what_has_none(sparse):
-    with pytest.raises(InputError, match="pca does not depend on its start"):
-        Ensemble.of(Cleaning(data=sparse, method=PCA(n_sources=2)), 8)
-    with pytest.raises(InputError, match="restarts must be a whole number between 1"):
-        Ensemble.of(Cleaning(data=sparse, method=SDecGMCA(**QUICK)), 0)
 
 
 def test_cleaning_once_warns(sparse):

@@ -208,10 +208,3 @@ def test_methods_that_take_none_say_so(name, sky, hits):
         InputError, match=f"{name} takes no weights and no flags; parametric, pca and polynomial do"
     ):
         create(name).clean(sky, freqs=FREQS, beams=np.ones((16, 20)), weights=hits)
-
-
-def test_bad_voxels_that_are_seen(sky):
-    sky[3, 5], weights = np.nan, np.ones(sky.shape)
-    weights[4, 5] = 0
-    with pytest.raises(InputError, match="got 1 NaN, infinite or UNSEEN"):
-        PCA().clean(sky, freqs=FREQS, weights=weights)
