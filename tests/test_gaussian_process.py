@@ -9,12 +9,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, WhiteKernel
 
 from himap.removal.covariance import channel_covariance
-from himap.removal.gaussian_process import (
-    GaussianProcess,
-    cost,
-    kernel_parts,
-    smoother,
-)
+from himap.removal.gaussian_process import GaussianProcess, cost, smoother
 
 FREQS = np.linspace(902.5, 1397.5, 40)
 TRUE = np.array([1e4, 300, 30, 90, 0.5, 12, 0.2])  # variance and length of each part, variance of the noise
@@ -49,7 +44,7 @@ def test_mean_is_that_of_scikit_learn(fitted):
     """Of the foreground alone, the part of its predictive mean that K_foreground makes."""
     model, lines = fitted
     expected = foreground_kernel(FREQS) @ model.alpha_
-    spectra, rows = smoother(*kernel_parts(np.log(TRUE), FREQS))
+    spectra, rows = smoother(np.log(TRUE), FREQS)
     assert spectra @ (rows @ lines) == pytest.approx(expected, abs=1e-5 * np.abs(lines).max())
     hi = KERNEL.k1.k2(FREQS[:, None]) @ model.alpha_
     assert expected + hi == pytest.approx(model.predict(FREQS[:, None]), abs=1e-6 * np.abs(lines).max())
@@ -86,7 +81,7 @@ def test_parameters_of_a_known_process_are_found(rng):
     found[[0, 2, 4, 6]] *= variance
     assert found[4:] == pytest.approx(TRUE[4:], rel=0.1)
     assert found[[1, 3]] == pytest.approx(TRUE[[1, 3]], rel=0.1)
-    spectra, rows = smoother(*kernel_parts(np.log(TRUE), FREQS))
+    spectra, rows = smoother(np.log(TRUE), FREQS)
     centred = maps - maps.mean(axis=1, keepdims=True, dtype=float)
     best = centred - spectra @ (rows @ centred)
     left = method.clean(maps, freqs=FREQS).residual

@@ -60,7 +60,7 @@ class GaussianProcess(ForegroundRemover):
             raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
         runs = [self._maximised(data.freqs, data.covariance / variance, mix) for mix in _STARTS]
         best = min(runs, key=lambda run: run.fun)
-        spectra, rows = smoother(*kernel_parts(best.x, data.freqs))
+        spectra, rows = smoother(best.x, data.freqs)
         mixing, sources = ordered(spectra, projection(rows, data.centred))
         # A search that finds nothing better within rounding has arrived too, though scipy calls it abnormal.
         return Separation(
@@ -103,16 +103,11 @@ def kernel_terms(logs, freqs):
     return roots, (kernel, kernel * ratio, np.exp(logs[6]) * np.eye(len(freqs)))
 
 
-def kernel_parts(logs, freqs):
-    """(F, K_HI + noise) with K_foreground = F F^T, (n_channels, n_terms) and (n_channels, n_channels)."""
-    roots, (hi, _, noise) = kernel_terms(logs, freqs)
-    return np.hstack([root for root, _ in roots]), hi + noise
-
-
 def cost(logs, freqs, covariance):
     """-ln L / n but for a constant, and its gradient, (7,)."""
-    (roots, terms), (root, rest) = kernel_terms(logs, freqs), kernel_parts(logs, freqs)
-    _, rows, power = _whitened(root, rest)
+    roots, terms = kernel_terms(logs, freqs)
+    rest = terms[0] + terms[2]
+    _, rows, power = _whitened(roots, rest)
     # K^-1 = rows^T rows, and ln det K is that of its parts.
     rows /= np.sqrt(1 + power)[:, None]
     known = rows @ covariance @ rows.T
@@ -140,25 +135,23 @@ def squared_exponential(place, variance, length):
     return root, root * (ratio[:, None] ** 2 - order)
 
 
-def smoother(root, rest):
-    """F F^T (F F^T + K)^-1 as spectra times rows, (n_channels, n) and (n, n_channels).
-
-    Of F, (n_channels, n_terms), and K, (n_channels, n_channels), positive definite.
-    """
-    spectra, rows, power = _whitened(root, rest)
+def smoother(logs, freqs):
+    """K_foreground K^-1 as spectra times rows, (n_channels, n) and (n, n_channels)."""
+    roots, (hi, _, noise) = kernel_terms(logs, freqs)
+    spectra, rows, power = _whitened(roots, hi + noise)
     share = power / (1 + power)
     kept = share > _NOTHING
     return spectra[:, kept], share[kept, None] * rows[kept]
 
 
-def _whitened(root, rest):
-    """Spectra, rows and powers with rest = spectra spectra^T, rows spectra = 1, and
-    root root^T = spectra diag(power) spectra^T.
+def _whitened(roots, rest):
+    """Spectra, rows and powers with K_HI + noise = spectra spectra^T, rows spectra = 1, and
+    K_foreground = spectra diag(power) spectra^T.
 
-    From singular values of the root, whose errors are a rounding of the largest: those of eigenvalues would
+    From singular values of its roots, whose errors are a rounding of the largest: those of eigenvalues would
     be one of the largest power, which is 1e12 times that of HI.
     """
-    factor = linalg.cholesky(rest, lower=True)
+    factor, root = linalg.cholesky(rest, lower=True), np.hstack([root for root, _ in roots])
     white = linalg.solve_triangular(factor, root, lower=True)
     white = np.pad(white, ((0, 0), (0, max(0, len(white) - white.shape[1]))))  # as many axes as channels
     axes, size, _ = np.linalg.svd(white, full_matrices=False)
