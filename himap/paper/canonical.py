@@ -117,34 +117,26 @@ _PRODUCTS = {
     authors.first_mixings: [(CASE, SDecGMCA(**ONCE), 1)],
     beam_errors.recovery_assuming: [(CASE, PLAIN, Rippled()), (CASE, AWARE, Rippled())],
 }
-_MEASURED = {
-    authors.measure: Sky(methods={RIPPLE_CASE: [ONE_STEP, replace(ONE_STEP, restart=1)]}),
-    beam_errors.measure: Sky(
-        methods={CASE: [PLAIN, AWARE]}, beams={("width", 0.0): CASE.beam, ("ripple", 0.1): Rippled()}
+_EXPERIMENTS = {
+    authors: (Sky(methods={RIPPLE_CASE: [ONE_STEP, replace(ONE_STEP, restart=1)]}), {}),
+    beam_errors: (
+        Sky(methods={CASE: [PLAIN, AWARE]}, beams={("width", 0.0): CASE.beam, ("ripple", 0.1): Rippled()}),
+        {"methods": [("pca", 3)]},
     ),
-    boxes.measure: SMOOTHED,
-    claims.measure: JUDGED,
-    flags.measure: JUDGED,
-    methods.measure: Sky(methods={CASE: [PLAIN, AWARE]}, mocks=MOCKS, corrected=("pca",)),
-    n_sources.measure: Sky(
-        methods={CASE: [PLAIN, replace(PLAIN, n_sources=4), replace(PLAIN, n_sources=5)]}, mocks=MOCKS
+    boxes: (SMOOTHED, {}),
+    **dict.fromkeys((claims, flags, readings, restarts), (JUDGED, {"n_restarts": 2})),
+    methods: (
+        Sky(methods={CASE: [PLAIN, AWARE]}, mocks=MOCKS, corrected=("pca",)),
+        {"beams": ["oscillating"], "methods": [("pca", 3)], "corrected": ["pca"]},
     ),
-    readings.measure: JUDGED,
-    restarts.measure: JUDGED,
-    transfer.measure: Sky(methods={CASE: [PLAIN, AWARE]}, mocks=MOCKS),
+    n_sources: (
+        Sky(methods={CASE: [replace(PLAIN, n_sources=n) for n in (3, 4, 5)]}, mocks=MOCKS),
+        {"beams": ["oscillating"], "noises": [1, 2], "methods": ["pca"]},
+    ),
+    transfer: (Sky(methods={CASE: [PLAIN, AWARE]}, mocks=MOCKS), {"methods": [("pca", 3)]}),
 }
-_ON_SKIES = {
-    authors: {},
-    beam_errors: {"methods": [("pca", 3)]},
-    boxes: {},
-    claims: {"n_restarts": 2},
-    flags: {"n_restarts": 2},
-    methods: {"beams": ["oscillating"], "methods": [("pca", 3)], "corrected": ["pca"]},
-    n_sources: {"beams": ["oscillating"], "noises": [1, 2], "methods": ["pca"]},
-    readings: {"n_restarts": 2},
-    restarts: {"n_restarts": 2},
-    transfer: {"methods": [("pca", 3)]},
-}
+"""{module of an experiment: (a sky to measure, parameters of its skies)}."""
+
 _CHOSEN_METHODS = (
     PLAIN,
     FastICA(n_sources=3),
@@ -155,8 +147,9 @@ _CHOSEN_METHODS = (
 )
 
 
-def _call_of(product, arguments):
-    return lambda: _SHOWN.get(product, lambda result: result)(product.compute(*arguments))
+def _call_of(product, arguments, shown=None):
+    shown = shown or _SHOWN.get(product, lambda result: result)
+    return lambda: shown(product.compute(*arguments))
 
 
 def _separated(separation):
@@ -184,18 +177,15 @@ def _columns_of(rows):
     }
 
 
-_SHOWN = (
-    dict.fromkeys(_MEASURED, _columns_of)
-    | {
-        authors.first_mixings: np.abs,
-        authors.member: _spectra_of_member,
-        cleaned.assessment: _assessed,
-        cleaned.fit: lambda fit: fit.mixing @ fit.sources,  # whose signs are fixed
-        cleaned.separation: _separated,
-        masked.separation: _separated,
-        choice.eigenvalues: lambda eigenvalues: eigenvalues[:6],  # those above the rounding of the maps
-    }
-)
+_SHOWN = {
+    authors.first_mixings: np.abs,
+    authors.member: _spectra_of_member,
+    cleaned.assessment: _assessed,
+    cleaned.fit: lambda fit: fit.mixing @ fit.sources,  # whose signs are fixed
+    cleaned.separation: _separated,
+    masked.separation: _separated,
+    choice.eigenvalues: lambda eigenvalues: eigenvalues[:6],  # those above the rounding of the maps
+}
 
 
 def _beam_of_file():
@@ -227,10 +217,13 @@ def codes_of_skies(tree):
 
 CALLS = (
     {product.name: [_call_of(product, call) for call in calls] for product, calls in _PRODUCTS.items()}
-    | {measure.name: [_call_of(measure, (sky,))] for measure, sky in _MEASURED.items()}
+    | {
+        one.measure.name: [_call_of(one.measure, (sky,), _columns_of)]
+        for one, (sky, _) in _EXPERIMENTS.items()
+    }
     | {name: [_call_of(cleaned.assessment, (CASE, method))] for name, method in _METHODS.items()}
     | {name: [call] for name, call in _BEAMS.items()}
-    | {f"skies_{one.EXPERIMENT.name}": [_skies_of(one, given)] for one, given in _ON_SKIES.items()}
+    | {f"skies_{one.EXPERIMENT.name}": [_skies_of(one, given)] for one, (_, given) in _EXPERIMENTS.items()}
 )
 """{fixed name: functions without arguments}."""
 
@@ -244,6 +237,8 @@ _RESIDUALS = dict.fromkeys(
     3e-4,
 )
 RTOLS = _RESIDUALS | {"analysis": 1e-3, "gnilc": 1e-3, "gaussian_process": 1e-3}
-RTOLS |= {"resampled": 3e-3} | {measure.name: 3e-3 for measure in _MEASURED} | {"measured_transfer": 1.5e-2}
+RTOLS |= (
+    {"resampled": 3e-3} | {one.measure.name: 3e-3 for one in _EXPERIMENTS} | {"measured_transfer": 1.5e-2}
+)
 """Where two machines agree to less than others: some three times what two processors differ by in the rest of
 a bright foreground in single precision, and where a search ends."""
