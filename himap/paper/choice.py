@@ -6,9 +6,8 @@ from sklearn.decomposition import PCA as SklearnPCA
 
 from himap.measures import n_sources
 from himap.measures.diagnostics import JUDGED
-from himap.measures.transfer import TransferFunction
 from himap.paper import cleaned, pipeline
-from himap.paper.mocks import own_recovery, recovered
+from himap.paper.mocks import own_recovery, transfer_functions
 from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 from himap.store.store import product
@@ -49,7 +48,7 @@ def source_number_criteria(case, removers, mocks):
     """
     counts = np.array([remover.n_sources for remover in removers])
     own = [own_recovery(case, remover) for remover in removers]
-    columns = zip(*(recovered(case, tuple(removers), mock) for mock in mocks), strict=True)
+    transfers = transfer_functions(case, removers, mocks).values()
 
     def in_bands(several):
         """Means of C_l and P(k), or of the same over mocks, in the judged bands, (n, n_bands)."""
@@ -60,7 +59,7 @@ def source_number_criteria(case, removers, mocks):
         return np.array(rows)
 
     residual, true = in_bands([one.output for one in own]), in_bands([one.input for one in own])
-    corrected = residual / in_bands([TransferFunction(mocks=column) for column in columns])
+    corrected = residual / in_bands(transfers)
     variances = np.array([cleaned.assessment(case, one).power_spectra.angular.variance for one in removers])
     table = pd.DataFrame(index=counts)
     for kind in ("bic", "aic"):

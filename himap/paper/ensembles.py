@@ -81,7 +81,7 @@ def samples(rows, floor):
     return np.column_stack([*columns, curves(rows, "condition").iloc[:, -1]])
 
 
-def compare_samples(one, two, *, n_permutations=9999, seed=0):
+def compare_samples(one, two, *, n_permutations=9999):
     """Two-sample Kolmogorov-Smirnov tests of several quantities of the same members, by permutations.
 
     All quantities of a member are permuted together, so that the last p, of the mean distance, allows for
@@ -92,8 +92,8 @@ def compare_samples(one, two, *, n_permutations=9999, seed=0):
     ----------
     one, two
         (n_members, n_quantities); numbers of members may differ.
-    n_permutations, seed
-        How many permutations, and their seed.
+    n_permutations
+        How many permutations.
 
     Returns
     -------
@@ -120,7 +120,7 @@ def compare_samples(one, two, *, n_permutations=9999, seed=0):
         n_resamples=n_permutations,
         batch=_BLOCK,
         alternative="greater",
-        rng=np.random.default_rng(seed),
+        rng=np.random.default_rng(0),
     )
     means, mean = result.null_distribution.mean(axis=1), result.statistic.mean()
     p_all = (1 + np.sum(means >= mean * (1 - _ROUNDING))) / (1 + len(means))

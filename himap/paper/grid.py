@@ -9,10 +9,9 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures import styles
 from himap.instrument.beams import named
-from himap.measures.transfer import TransferFunction
 from himap.paper import cleaned, pipeline
 from himap.paper.methods import paper_beams, sdecgmca_for
-from himap.paper.mocks import Mock, first_mocks, own_recovery, recovered
+from himap.paper.mocks import Mock, first_mocks, own_recovery, recovered, transfer_functions
 from himap.removal import create
 from himap.sky.galaxy import Galaxy
 from himap.store.parallel import make_all
@@ -72,12 +71,7 @@ def cases_of(
 ):
     """A list of `pipeline.Case` that differ in their seed only: that of the survey, and those after it.
 
-    `beam` is a `Beam`; the others are as in `himap.paper.study.Study`.
-
-    Raises
-    ------
-    InputError
-        A bad value of any of them.
+    `beam` is a `Beam`; the others are as in `himap.paper.study.Study`. Bad values raise InputError.
     """
     whole_number("n_realisations", n_realisations, 1, 1000)
     first = pipeline.Case(
@@ -95,12 +89,7 @@ def cases_and_methods(
     """Cases that differ in their seed only, and the methods that clean them, two lists.
 
     `ripple` is the reading of the oscillating beam, and `reading` that of SDecGMCA. Methods are pairs (name,
-    number of sources), None for one that has no number. Settings are as of `cases_of`.
-
-    Raises
-    ------
-    InputError
-        A bad value of any of them.
+    number of sources), None for one that has no number. Settings, and what is refused, are as of `cases_of`.
     """
     selected = paper_beams(ripple=ripple).get(beam) or named(beam)
     cases, removers = cases_of(selected, **settings), []
@@ -165,12 +154,11 @@ def measured_recoveries(sky):
     }
     calls = [(case, several, mock) for case, several in corrected.items() if several for mock in sky.mocks]
     make_products([(recovered, call) for call in calls] + [(own_recovery, pair) for pair in pairs])
-    transfers = {}
-    for case, several in corrected.items():
-        by_method = zip(*(recovered(*call) for call in calls if call[0] == case), strict=True)
-        for remover, powers in zip(several, by_method, strict=True):
-            transfers[case, remover] = TransferFunction(mocks=powers)
-    return [(*pair, own_recovery(*pair), transfers.get(pair)) for pair in pairs]
+    transfers = {
+        case: transfer_functions(case, several, sky.mocks) if several else {}
+        for case, several in corrected.items()
+    }
+    return [(*pair, own_recovery(*pair), transfers[pair[0]].get(pair[1])) for pair in pairs]
 
 
 def method_columns(remover):

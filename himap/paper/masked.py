@@ -34,13 +34,7 @@ Sect. 5.1); with the plane dimmed in the sky itself (Sect. 5.2); and found on th
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
-    """The part of the sky beyond a Galactic latitude, north and south, or north alone.
-
-    Raises
-    ------
-    InputError
-        A latitude outside 0 to 89 deg.
-    """
+    """The part of the sky beyond a Galactic latitude, north and south, or north alone."""
 
     latitude: float = parameter(10.0, "least |b| that is kept, deg", minimum=0, maximum=89)
     north: bool = parameter(False, "whether the south is left out, as of a survey of a cap")

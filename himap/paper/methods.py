@@ -56,13 +56,7 @@ def beam_aware_for(beam, method="sdecgmca", **options):
 
 
 def sdecgmca_for(beam, **changed):
-    """SDecGMCA with the parameters of Table 1 for a beam (`table_1`), but for `changed`.
-
-    Raises
-    ------
-    InputError
-        As `beam_aware_for`.
-    """
+    """SDecGMCA with the parameters of Table 1 for a beam, but for `changed`, as of `beam_aware_for`."""
     return beam_aware_for(beam, **changed)
 
 
@@ -76,12 +70,8 @@ def methods_for(beam, n_sources=None, *, method="sdecgmca", **options):
     n_sources
         The number of sources; that of Table 1 unless given.
     method, options
-        As in `beam_aware_for`: what stands in the place of SDecGMCA, and what differs from its defaults.
-
-    Raises
-    ------
-    InputError
-        As `beam_aware_for`.
+        As in `beam_aware_for`, which refuses bad ones: what stands in the place of SDecGMCA, and what differs
+        from its defaults.
     """
     n = table_1(beam)["n_sources"] if n_sources is None else n_sources
     return [

@@ -24,13 +24,7 @@ _MOST_MOCKS = 10_000  # of one sky
 
 @dataclass(frozen=True, kw_only=True)
 class Mock:
-    """The truth of another sky than the one that is observed, and how its HI differs from that of the data.
-
-    Raises
-    ------
-    InputError
-        A field outside its range.
-    """
+    """The truth of another sky than that of the data, and how its HI differs."""
 
     seed: int = parameter(1, "seed of the mock's sky; must not be that of the data", minimum=0, maximum=2**63)
     bias: float = parameter(1.0, "factor on the bias of HI", minimum=0, above=True)
@@ -157,11 +151,20 @@ def resampled(case, removers, mock, mask_peaks=True):
     return _powers(case, alms, model.resampled(maps), removers, [model.separation] * len(removers))
 
 
-def bootstrap(case, removers, mocks, mask_peaks=True):
+def transfer_functions(case, removers, mocks):
+    """{method: `TransferFunction`} of what comes back of some `Mock` in an observation (`recovered`)."""
+    return _of_mocks(recovered, case, removers, mocks)
+
+
+def bootstrap(case, removers, mocks):
     """{method: `TransferFunction`} of members of a bootstrap of a case, with one of some `Mock` each."""
-    several = zip(*(resampled(case, tuple(removers), mock, mask_peaks) for mock in mocks), strict=True)
+    return _of_mocks(resampled, case, removers, mocks)
+
+
+def _of_mocks(product, case, removers, mocks):
+    by_method = zip(*(product(case, tuple(removers), mock) for mock in mocks), strict=True)
     return {
-        remover: TransferFunction(mocks=powers) for remover, powers in zip(removers, several, strict=True)
+        remover: TransferFunction(mocks=powers) for remover, powers in zip(removers, by_method, strict=True)
     }
 
 

@@ -43,13 +43,7 @@ def of_code(beam, *, restart=0, **options):
 
 
 def skies(*, ripple="bracket", n_sources=5, n_restarts=16, **settings):
-    """A list of `Sky`, each with the methods of `n_restarts` starts; settings as of `cases_of`.
-
-    Raises
-    ------
-    InputError
-        A bad value of any of them.
-    """
+    """A list of `Sky`, each with the methods of `n_restarts` starts; settings and errors as of `cases_of`."""
     whole_number("n_restarts", n_restarts, 1, 1000)
     cases = cases_of(Oscillating(ripple=ripple), **settings)
     methods = [of_code(cases[0].beam, restart=k, n_sources=n_sources) for k in range(n_restarts)]

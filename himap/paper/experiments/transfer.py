@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
+from scipy.stats import binomtest
 
 from himap.core.checks import whole_number
 from himap.measures.bootstrap import KINDS, sigma
@@ -78,9 +78,7 @@ def coverage(table):
     independent: it is rather too narrow.
     """
     hits, trials = int(((table["corrected"] - 1).abs() < table["error_bar"]).sum()), len(table)
-    low = stats.beta.ppf(0.025, hits, trials - hits + 1) if hits else 0.0
-    high = stats.beta.ppf(0.975, hits + 1, trials - hits) if hits < trials else 1.0
-    return hits, trials, float(low), float(high)
+    return hits, trials, *binomtest(hits, trials).proportion_ci()
 
 
 def chi_squared(table):
