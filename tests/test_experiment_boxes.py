@@ -6,7 +6,6 @@ import healpy as hp
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
 from himap.instrument.beams.paper import Degraded
 from himap.paper import pipeline
 from himap.paper.experiments.boxes import (
@@ -77,8 +76,3 @@ def test_spectra_in_the_table_are_relative_to_the_largest_box(rows):
     spectra = table["quantity"].isin([QUANTITIES[one] for one in ("C_l", "P", "P_beam")])
     assert set(table.loc[spectra, "64³"]) == {"1"}
     assert (table.loc[~spectra, "64³"] == table.loc[~spectra, "value, 64³"]).all()
-
-
-def test_a_box_without_half(rows):
-    with pytest.raises(InputError, match="box_cells is 18: take a multiple of 4"):
-        skies(preset="ci", survey={"box_cells": 18})

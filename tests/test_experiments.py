@@ -22,9 +22,13 @@ from himap.removal import PCA
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
 BANDS = ["C/C0, 2-4", "C/C0, 5-9", "C/C0, 10-19", "P/P0, 0-0.03", "P/P0, 0.03-0.1", "P/P0, k > 0.1"]
 USUAL = {
+    "authors": {},
     "beam_errors": {"methods": [["beam_subspace", 3]], "errors": {}},
+    "boxes": {},
+    "claims": {"survey": {}},  # with channels for the scan
     "methods": {"beams": ["degraded", "oscillating"], "methods": [["pca", 3]]},
     "n_sources": {"beams": ["degraded"], "noises": [1], "methods": ["pca"], "n_mocks": 1, "n_sources_max": 3},
+    "restarts": {"survey": {}},
     "transfer": {"methods": [["pca", 3]], "n_mocks": 2},
 }
 
@@ -45,6 +49,19 @@ USUAL = {
                 ({"n_realisations": "2"}, "n_realisations"),
             )
         ),
+        ("authors", {"n_restarts": 0}, "n_restarts"),
+        ("boxes", {"survey": {"box_cells": 18}}, "box_cells is 18: take a multiple of 4"),
+        ("claims", {"n_realisations": 0}, "n_realisations must be a whole number between 1"),
+        ("claims", {"n_restarts": 0}, "n_restarts must be a whole number between 1"),
+        ("claims", {"n_sources_min": 5, "n_sources_max": 4}, "the scan needs"),
+        ("claims", {"n_sources_max": 101}, "up to the 100 channels"),
+        ("claims", {"n_sources_min": 0}, "the scan needs"),
+        ("claims", {"galaxy": "milky way"}, "unknown Galaxy 'milky way'"),
+        ("claims", {"ripple": "square"}, "ripple"),
+        ("claims", {"plane_weight": 2.0}, "at most 1"),
+        ("claims", {"reading": "backwards"}, "got 'backwards'"),
+        ("claims", {"method": "pca"}, "in the place of SDecGMCA can stand"),
+        ("restarts", {"reading": "words"}, "reading must be one of"),
         ("transfer", {"beam": "square"}, "square"),
         ("transfer", {"n_mocks": 1}, "between 2 and 1000"),
         ("beam_errors", {"errors": {"width": [0.1], "colour": [1]}}, "got 'colour'"),

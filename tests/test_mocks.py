@@ -58,11 +58,6 @@ class TestMock:
         skewness = [np.mean((one / one.std()) ** 3) for one in maps]
         assert abs(skewness[1]) < 0.3 * skewness[0]
 
-    @pytest.mark.parametrize("given", [{"bias": 0}, {"abundance": -1}, {"seed": -3}])
-    def test_refused(self, given):
-        with pytest.raises(InputError):
-            Mock(**given)
-
 
 def test_first_mocks_are_of_no_sky_that_is_observed():
     cases = [replace(CASE, survey=replace(SURVEY, seed=seed)) for seed in (2, 3, 2025)]

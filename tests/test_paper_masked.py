@@ -26,12 +26,6 @@ def test_a_region():
     assert cap.mean() == pytest.approx(0.1, abs=0.002) and not cap[sphere.pixel_latitude(64) < 53].any()
 
 
-@pytest.mark.parametrize("options", [{"latitude": -1}, {"latitude": 90}, {"north": "yes"}])
-def test_bad_regions(options):
-    with pytest.raises(InputError):
-        Region(**options)
-
-
 def test_inside_is_what_the_method_leaves_of_the_region():
     observed, kept = pipeline.observation(CASE), REGION.mask(16)
     basis = np.where(kept, pipeline.peak_masked(CASE).maps, np.nan)

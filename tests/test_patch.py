@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures.plotting import sky_maps
 from himap.measures.spectra import angular_power, frequency_power
@@ -103,9 +102,3 @@ def test_maps_are_drawn_where_they_are():
     north, east = (axes.images[0].get_array() for axes in figure.axes[:2])
     assert np.diff(north.mean(axis=1))[5:-5].mean() > 0 and east[:, 0].mean() > 15 > -15 > east[:, -1].mean()
     assert figure.axes[0].images[0].get_extent()[0] > figure.axes[0].images[0].get_extent()[1]
-
-
-@pytest.mark.parametrize("bad", [{"ra": -1}, {"voxels": 1}, {"n_blocks": 1.5}, {"height": 90}])
-def test_bad_patches(bad):
-    with pytest.raises(InputError):
-        Patch(**bad)

@@ -10,13 +10,17 @@ from himap import removal
 from himap.core.checks import checked_cube, whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
-from himap.instrument.beams import FromFile, named
+from himap.instrument.beams import Evolving, FromFile, Oscillating, named
 from himap.maps import sphere
 from himap.measures.cylindrical import cell_of, cylindrical_power
 from himap.measures.diagnostics import inside, mean_squared_error, ratio
 from himap.measures.spectra import angular_power, frequency_power
 from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
 from himap.paper import pipeline
+from himap.paper.experiments.beam_errors import assumed_beam
+from himap.paper.masked import Region
+from himap.paper.mocks import Mock
+from himap.paper.patch import Patch
 from himap.removal.peaks import mask_peaks
 from himap.removal.restarts import Ensemble
 from himap.removal.smooth_spectra import SmoothSpectra
@@ -67,6 +71,7 @@ weighted, masked = partial(clean, "pca", 16), partial(clean, "pca")
 peaks = partial(mask_peaks, SKY, FREQS)
 powers, along = partial(angular_power, ONES), partial(frequency_power, ONES)
 checked = partial(checked_cube, "maps")
+assumed, ADDITIVE = partial(assumed_beam, Oscillating()), Oscillating(ripple="additive")
 BETWEEN, BETWEEN_1 = "must be between 0 and", "n must be a whole number between 1 and 4, got"
 TABLE = [
     (Survey, "nside", 65, "power of two, got 65; try 64 or 128"),
@@ -220,6 +225,23 @@ TABLE = [
     (partial(pipeline.Case, survey=SURVEY), "galaxy", "synthetic", "a Survey and a Galaxy"),
     (partial(pipeline.Case, survey=SURVEY), "beam", "degraded", "a Case takes a beam, such as Degraded"),
     (partial(pipeline.Case, survey=SURVEY), "dimming", 0.1, "dimming must be a Dimming or None, got 0.1"),
+    (Region, "latitude", -1, "latitude .* must be at least 0"),
+    (Region, "latitude", 90, "latitude .* at most 89, got 90"),
+    (Region, "north", "yes", "north must be True or False, got 'yes'"),
+    (Patch, "ra", -1, "ra .* must be at least 0"),
+    (Patch, "voxels", 1, "voxels .* at most 0.5, got 1"),
+    (Patch, "n_blocks", 1.5, "n_blocks .* whole number"),
+    (Patch, "height", 90, "height .* at most 40, got 90"),
+    (Mock, "bias", 0, "bias .* must be above 0, got 0"),
+    (Mock, "abundance", -1, "abundance .* must be above 0, got -1"),
+    (Mock, "seed", -3, "seed .* must be at least 0"),
+    (partial(assumed, kind="colour"), "error", 1, "one of width, ripple, .* got 'colour' and 1"),
+    (partial(assumed, kind="width"), "error", "much", "and a number, got 'width' and 'much'"),
+    (partial(assumed, kind="width"), "error", True, "and a number, got 'width' and True"),
+    (partial(assumed, kind="width"), "error", 2, "at most 0.5, got 2"),
+    (partial(assumed, kind="beam"), "error", "square", "unknown beam 'square'"),
+    (partial(assumed_beam, Evolving(), "phase"), "error", 0.1, "the phase of a ripple .* got evolving"),
+    (partial(assumed_beam, ADDITIVE, "amplitude"), "error", 0.1, "got oscillating:ripple=additive"),
     (partial(ratio, [1.0]), "true", [1.0, 2.0], "one shape"),
     (partial(ratio, [1.0]), "true", [0.0], "must be positive"),
     (
