@@ -2,9 +2,15 @@
 
 import math
 
+from matplotlib.colors import to_rgb
+
 from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED, Finding, Part
 from himap.paper.claims.entries import entries, finding_rows
 from himap.paper.experiments.claims import EXPERIMENT
+
+ABOUT = {"preset": "ci", "overrides": [], "galaxy": "synthetic", "seed": 1, "commit": "abc1234"}
+ABOUT |= {"dirty": False, "seconds": 10.0, "version": "0.1.0", "packages": [], "code": {"code": "today"}}
+"""What a record says of what made it."""
 
 PCA, NOT_PCA = Part("PCA/ICA a", True, True, "PCA/ICA"), Part("PCA/ICA a", False, True, "PCA/ICA")
 SD, NOT_SD = Part("SD a", True, True, "SD"), Part("SD a", False, True, "SD")
@@ -46,7 +52,13 @@ def judged(*skies, value=0.5):
 
 
 def luminance(colour):
-    """Relative luminance of a colour such as #00664b (WCAG)."""
-    shares = [int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)]
+    """Relative luminance of a colour such as #00664b or white (WCAG)."""
+    shares = to_rgb(colour)
     linear = [share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4 for share in shares]
     return sum(weight * share for weight, share in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+
+
+def contrast(one, two):
+    """Of two colours, 1 to 21 (WCAG): 4.5 is what text needs."""
+    dark, light = sorted((luminance(one), luminance(two)))
+    return (light + 0.05) / (dark + 0.05)

@@ -1,7 +1,7 @@
 """Causes of verdicts from stored records, on records made up for it."""
 
 import pytest
-from ledgers import entry, finding
+from ledgers import ABOUT, entry, finding
 
 from himap.app.stored import other_records
 from himap.paper.claims import FAILED, REPRODUCED
@@ -10,14 +10,7 @@ from himap.paper.experiments import find_experiment
 from himap.paper.ledger_table import cause
 from himap.paper.record import Record
 
-MADE = {
-    "preset": "laptop",
-    "overrides": [["reading", "letter"]],
-    "galaxy": "synthetic",
-    "seed": 1,
-    "commit": "a",
-}
-MADE |= {"dirty": False, "seconds": 1.0, "version": "1", "packages": [], "code": {"code": "0"}}
+MADE = ABOUT | {"preset": "laptop", "overrides": [["reading", "letter"]]}
 
 
 def write(folder, name, verdicts, **changed):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ledgers import ABOUT
 
 from himap.core.errors import InputError
 from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
@@ -142,9 +143,7 @@ def test_two_beams_of_one_name_are_kept_apart(tmp_path):
     (sky,) = skies(**TINY, beams=beams, methods=[["pca", 3]], n_realisations=1, n_mocks=1, corrected=[])
     rows = EXPERIMENT.table([sky])
     assert rows["beam"].unique().tolist() == beams
-    about = {"code": {}, "overrides": [], "seed": 1} | dict.fromkeys(("preset", "galaxy", "commit"), "")
-    about |= {"dirty": False, "seconds": 1.0, "version": "1", "packages": []}
-    Record(experiment=EXPERIMENT, rows=rows, about=about).save(tmp_path / "a.json")
+    Record(experiment=EXPERIMENT, rows=rows, about=ABOUT).save(tmp_path / "a.json")
     again = Record.load(EXPERIMENT, tmp_path / "a.json").rows
     assert again["beam"].tolist() == rows["beam"].tolist()
     assert np.allclose(again["ratio"], rows["ratio"], rtol=1e-5)

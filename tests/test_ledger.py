@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ledgers import NOT_PCA, SD, entry, finding, judged, luminance
+from ledgers import NOT_PCA, SD, contrast, entry, finding, judged
 from pages import cells
 
 from himap.app.notebook_files import read_notebook
@@ -97,7 +97,7 @@ def test_places_of_a_minimum_have_their_share():
 
 def test_badges_can_be_read():
     """White letters stand out from every colour by 4.5 to 1 (WCAG), and no two signs are alike."""
-    assert all(1.05 / (luminance(colour) + 0.05) >= 4.5 for _, colour in BADGES.values())
+    assert all(contrast(colour, "white") >= 4.5 for _, colour in BADGES.values())
     assert len({sign for sign, _ in BADGES.values()}) == len({*BADGES.values()}) == 5
 
 

@@ -5,6 +5,7 @@ import math
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
+import ledgers
 import numpy as np
 import pandas as pd
 import pytest
@@ -18,18 +19,7 @@ from himap.paper.record import Experiment, Record, measuring_code
 from himap.store.fingerprint import CodeTree
 from himap.store.sources import LOADED
 
-ABOUT = {
-    "preset": "ci",
-    "overrides": [["n_realisations", 2], ["n_mocks", 3]],
-    "galaxy": "synthetic",
-    "seed": 7,
-    "commit": "abc1234",
-    "dirty": False,
-    "seconds": 10.0,
-    "version": "0.1.0",
-    "packages": [],
-    "code": {"code": "today"},
-}
+ABOUT = ledgers.ABOUT | {"overrides": [["n_realisations", 2], ["n_mocks", 3]], "seed": 7}
 TOMORROW = {"code": "tomorrow"}
 
 
