@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import pandas as pd
-
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.core.survey import Survey
@@ -175,21 +173,8 @@ def band_rows(power, **spectra):
     ]
 
 
-def summarise(table, by, cells):
-    """A DataFrame of texts with a row for each group of a table.
-
-    Parameters
-    ----------
-    table, by
-        DataFrame, and the columns that it is grouped by, in the order of their first rows.
-    cells
-        {column of the result: column of the table that is the same in a group, or function from a group to a
-        text}; "method" is the method with its number of sources.
-    """
-    rows = []
-    for _, group in table.groupby(by, sort=False):
-        first = group.iloc[0]
-        row = {name: cell(group) if callable(cell) else first[cell] for name, cell in cells.items()}
-        row["method"] = styles.numbered(first["method"], first.get("n_sources"))
-        rows.append(row)
-    return pd.DataFrame(rows)
+def with_labels(table):
+    """The same table, with the number of sources in what a method is called, not in a column of its own."""
+    numbers = table.get("n_sources", [0] * len(table))
+    labels = [styles.numbered(*pair) for pair in zip(table["method"], numbers, strict=True)]
+    return table.assign(method=labels).drop(columns="n_sources", errors="ignore")

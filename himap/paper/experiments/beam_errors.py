@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 
 from himap.core.errors import InputError
-from himap.figures import styles
 from himap.instrument.beams import named
 from himap.instrument.beams.others import PerturbedBeam
 from himap.instrument.beams.paper import Oscillating, Rippled
@@ -174,7 +173,7 @@ def _summary(table):
     groups = means.assign(off=(means["ratio"] - 1).abs()).groupby(_METHOD, sort=False)
     furthest, most = (means.loc[groups[name].idxmax()].reset_index() for name in ("off", "excess"))
     columns = {
-        "method": furthest.apply(lambda row: styles.numbered(row["method"], row["n_sources"]), axis=1),
+        "method": grid.with_labels(furthest)["method"],
         "what is wrong": furthest["kind"],
         "by": furthest["error"].map(lambda error: error if isinstance(error, str) else f"{error:g}"),
         "furthest from 1": furthest["ratio"].map("{:.4g}".format),

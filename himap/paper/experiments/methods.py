@@ -164,15 +164,11 @@ def distances(tables, of=JUDGED):
 
 def _summary(table):
     """The mean over skies of every band, and the scatter."""
-    cells = {
-        "beam": "beam",
-        "method": "method",
-        "spectra": lambda group: "corrected" if group["corrected"].iloc[0] else "uncorrected",
-        "band": "band",
-        "residual / truth": lambda group: f"{group['ratio'].mean():.4f}",
-        "scatter": lambda group: f"{group['ratio'].std():.4f}",
-    }
-    return grid.summarise(in_bands(table).reset_index(), [*METHOD, "band"], cells)
+    shown = in_bands(table).groupby([*METHOD, "band"], sort=False).agg(["mean", "std"])
+    shown = shown.map("{:.4f}".format).reset_index()
+    shown["corrected"] = shown["corrected"].map({True: "corrected", False: "uncorrected"})
+    names = {"corrected": "spectra", "mean": "residual / truth", "std": "scatter"}
+    return grid.with_labels(shown.rename(columns=names))
 
 
 EXPERIMENT = Experiment(

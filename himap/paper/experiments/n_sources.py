@@ -5,12 +5,13 @@ from itertools import groupby
 from operator import attrgetter
 
 import numpy as np
+import pandas as pd
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.paper import cleaned
 from himap.paper.choice import eigenvalues, minka, recommended, source_number_criteria
-from himap.paper.grid import cases_and_methods, make_products, skies_of, summarise
+from himap.paper.grid import cases_and_methods, make_products, skies_of, with_labels
 from himap.paper.mocks import own_recovery, recovered
 from himap.paper.record import Experiment
 from himap.removal import create
@@ -101,27 +102,16 @@ def measure(sky):
 def _summary(table):
     """How often each criterion is right, or wrong by how much, and the median bias over all observations."""
     more = (table["recommended"] - table["best"]).where(table["recommended"] > 0)
-    table = table.assign(more=more, least_bias=table["least_bias"].where(table["bias"].notna()))
-
-    def count(least, most):
-        return lambda group: f"{group['more'].between(least, most).sum()}"
-
-    def median(column):
-        return lambda group: f"{group[column].median():.3f}" if group["bias"].notna().any() else ""
-
-    cells = {
-        "method": "method",
-        "criterion": lambda group: CRITERIA[group["criterion"].iloc[0]],
-        "right": count(0, 0),
-        "one more": count(1, 1),
-        "more": count(2, np.inf),
-        "one less": count(-1, -1),
-        "less": count(-np.inf, -2),
-        "none": lambda group: f"{group['more'].isna().sum()}",
-        "bias": median("bias"),
-        "least bias": median("least_bias"),
-    }
-    return summarise(table, ["method", "criterion"], cells)
+    names = ["less", "one less", "right", "one more", "more"]
+    kind = pd.cut(more, [-np.inf, -2, -1, 0, 1, np.inf], labels=names).astype(object).fillna("none")
+    known = table.assign(kind=kind, least_bias=table["least_bias"].where(table["bias"].notna()))
+    groups = known.groupby(["method", "criterion"], sort=False)
+    medians = groups[["bias", "least_bias"]].median().map("{:.3f}".format).replace("nan", "")
+    columns = ["right", "one more", "more", "one less", "less", "none"]
+    counts = groups["kind"].value_counts().unstack().reindex(medians.index, columns=columns)
+    shown = counts.fillna(0).map("{:.0f}".format).join(medians).reset_index()
+    shown["criterion"] = shown["criterion"].map(CRITERIA)
+    return with_labels(shown.rename(columns={"least_bias": "least bias"}))
 
 
 EXPERIMENT = Experiment(

@@ -89,25 +89,16 @@ def chi_squared(table):
 def _summary(table):
     """Means over skies for each method and band, and on how many skies the truth is within the error bar."""
 
-    def mean(column):
-        return lambda group: f"{group[column].mean():.4f}"
-
-    def within(group):
-        hits, trials, low, high = coverage(group)
-        return f"{hits} of {trials} ({100 * low:.0f} to {100 * high:.0f} %)"
-
-    cells = {
-        "method": "method",
-        "band": "band",
-        "uncorrected": mean("uncorrected"),
-        "corrected": mean("corrected"),
-        "scatter": lambda group: f"{group['corrected'].std():.4f}",
-        "error bar": mean("error_bar"),
-        "foreground": mean("foreground"),
-        "within 1σ": within,
-        "χ²": lambda group: f"{chi_squared(group):.2f}",
-    }
-    return grid.summarise(table, ["method", "n_sources", "band"], cells)
+    groups = table.groupby(["method", "n_sources", "band"], sort=False)
+    means = groups[["uncorrected", "corrected", "error_bar", "foreground"]].mean()
+    means.insert(2, "scatter", groups["corrected"].std())
+    shown = means.map("{:.4f}".format).rename(columns={"error_bar": "error bar"})
+    covered = [coverage(group) for _, group in groups]
+    shown["within 1σ"] = [
+        f"{hits} of {trials} ({100 * low:.0f} to {100 * high:.0f} %)" for hits, trials, low, high in covered
+    ]
+    shown["χ²"] = [f"{chi_squared(group):.2f}" for _, group in groups]
+    return grid.with_labels(shown.reset_index())
 
 
 EXPERIMENT = Experiment(
