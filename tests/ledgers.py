@@ -12,6 +12,10 @@ ABOUT = {"preset": "ci", "overrides": [], "galaxy": "synthetic", "seed": 1, "com
 ABOUT |= {"dirty": False, "seconds": 10.0, "version": "0.1.0", "packages": [], "code": {"code": "today"}}
 """What a record says of what made it."""
 
+TINY = {"preset": "ci", "survey": {"nside": 8, "box_cells": 16, "n_channels": 25, "freq_max": 1025.0}}
+SHORT = ("n_warmup", 2), ("n_refinement", 2), ("warmup_tolerance", 1e300), ("tolerance", 1e300)
+"""A sky on which all claims can be judged, and options of an SDecGMCA that ends soon."""
+
 PCA, NOT_PCA = Part("PCA/ICA a", True, True, "PCA/ICA"), Part("PCA/ICA a", False, True, "PCA/ICA")
 SD, NOT_SD = Part("SD a", True, True, "SD"), Part("SD a", False, True, "SD")
 PARTS = {REPRODUCED: (PCA, SD), IN_PART: (PCA, NOT_SD), FAILED: (NOT_PCA, NOT_SD), INAPPLICABLE: ()}

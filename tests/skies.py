@@ -4,6 +4,7 @@ import healpy as hp
 import numpy as np
 
 from himap.maps import sphere
+from himap.measures.transfer import HarmonicPower, MockPower
 
 BANDS = [(0, 2), (2, 5), (5, 10), (10, 20), (20, 40), (40, 90)]  # |b|, deg
 
@@ -25,6 +26,12 @@ def lognormal(nside, seed=1, width=0.4):
     alm = sphere.gaussian_alm(np.where(degree > 0, (degree + 4.0) ** -2.7, 0), rng)
     field = sphere.synthesise(alm, nside)
     return np.exp(width * field / field.std())
+
+
+def mock_power(share, n_degrees):
+    """The `MockPower` of 500 channels of 1 MHz, of which a share (n_l, n_k) of the power comes back."""
+    powers = (np.broadcast_to(one, (n_degrees, 251)).astype(float) for one in (1.0, share, np.sqrt(share)))
+    return MockPower(*(HarmonicPower(power=one, n_channels=500, channel_width=1.0) for one in powers))
 
 
 def convolve(maps, beams):

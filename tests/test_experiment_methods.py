@@ -1,11 +1,14 @@
 """Methods side by side: curves of a made-up sky, the table of a small one, and its figures."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from ledgers import ABOUT
+from skies import mock_power
 
 from himap.core.errors import InputError
-from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
+from himap.measures.transfer import TransferFunction
 from himap.paper.experiment_figures import labels_of, methods_figure, methods_table, signed
 from himap.paper.experiments import transfer
 from himap.paper.experiments.methods import (
@@ -22,18 +25,8 @@ from himap.paper.grid import measured_recoveries
 from himap.paper.record import Record
 from himap.removal import GNILC, PCA, SDecGMCA
 
+made_up = partial(mock_power, n_degrees=131)
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 32, "box_cells": 16}}
-
-
-def made_up(share):
-    """Of 500 channels of 1 MHz, l up to 130, of which a share (n_l, n_k) of the power comes back."""
-
-    def power(value):
-        return HarmonicPower(
-            power=np.broadcast_to(value, (131, 251)).astype(float), n_channels=500, channel_width=1.0
-        )
-
-    return MockPower(input=power(1.0), output=power(share), cross=power(np.sqrt(share)))
 
 
 def table_of(rows, **changed):

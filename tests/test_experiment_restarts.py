@@ -1,5 +1,6 @@
 """The ensemble of SDecGMCA: its candidates, and what is recorded of a member."""
 
+import ledgers
 import numpy as np
 import pytest
 
@@ -8,7 +9,7 @@ from himap.paper.experiments.claims import JudgedSky
 from himap.paper.readings import candidates
 from himap.removal.sdecgmca.readings import READINGS, resolved
 
-SURVEY = {"nside": 8, "box_cells": 16, "n_channels": 25, "freq_max": 1025.0, "seed": 11}  # a sky of its own
+SURVEY = ledgers.TINY["survey"] | {"seed": 11}  # a sky of its own
 TINY = {"preset": "ci", "survey": SURVEY, "n_realisations": 1, "n_restarts": 2, "n_sources_max": 2}
 
 

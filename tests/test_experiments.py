@@ -1,16 +1,18 @@
 """Experiments on a grid of skies and methods: bad settings, what is made and deleted, small tables."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from skies import mock_power
 
 from himap.core.errors import InputError
 from himap.instrument.noise import noise_sigma
 from himap.measures.bootstrap import sigma
-from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
+from himap.measures.transfer import TransferFunction
 from himap.paper import cleaned, pipeline
 from himap.paper.choice import minka
 from himap.paper.experiment_figures import transfer_figure
@@ -19,6 +21,7 @@ from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
 from himap.paper.mocks import Mock, own_recovery
 from himap.removal import PCA
 
+made_up = partial(mock_power, n_degrees=26)
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
 BANDS = ["C/C0, 2-4", "C/C0, 5-9", "C/C0, 10-19", "P/P0, 0-0.03", "P/P0, 0.03-0.1", "P/P0, k > 0.1"]
 USUAL = {
@@ -116,19 +119,10 @@ class TestMaking:
 
 
 class TestTransfer:
-    @staticmethod
-    def made_up(share):
-        """Of 500 channels of 1 MHz, l up to 25, of which a share of the power comes back."""
-        powers = [
-            HarmonicPower(power=np.full((26, 251), float(value)), n_channels=500, channel_width=1.0)
-            for value in (1, share, np.sqrt(share))
-        ]
-        return MockPower(*powers)
-
     def test_in_every_band(self):
         """0.8 of the amplitude of mocks comes back; the residual of the data has the power 0.9."""
-        mocks = TransferFunction(mocks=(self.made_up(0.64), self.made_up(0.64)))
-        found = transfer.corrected_bands(self.made_up(0.9), mocks)
+        mocks = TransferFunction(mocks=(made_up(0.64), made_up(0.64)))
+        found = transfer.corrected_bands(made_up(0.9), mocks)
         assert [row["band"] for row in found] == BANDS
         for row in found:
             unlike = 0.64 - 0.8
@@ -139,8 +133,8 @@ class TestTransfer:
             assert row["error_bar"] == pytest.approx(0, abs=1e-12)
 
     def test_error_bars_are_the_scatter_of_mocks(self):
-        found = TransferFunction(mocks=(self.made_up(1.0), self.made_up(0.64)))
-        row, *_ = transfer.corrected_bands(self.made_up(0.9), found)
+        found = TransferFunction(mocks=(made_up(1.0), made_up(0.64)))
+        row, *_ = transfer.corrected_bands(made_up(0.9), found)
         first, second = found.errors("angular")[:, 5]
         assert row["error_bar"] == pytest.approx(sigma(np.array([first, second])))
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ledgers import NOT_PCA, SD, contrast, entry, finding, judged
+from ledgers import NOT_PCA, SD, SHORT, TINY, contrast, entry, finding, judged
 from pages import cells
 
 from himap.app.notebook_files import read_notebook
@@ -22,14 +22,6 @@ from himap.paper.experiments.claims import EXPERIMENT, JudgedSky, realisations, 
 from himap.paper.ledger_table import BADGES, LedgerTable, cause, plain_table, summary
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
-TINY = {
-    "preset": "ci",
-    "survey": {"nside": 8, "box_cells": 16, "n_channels": 25, "freq_max": 1025.0},
-    "n_sources_max": 3,
-}
-SHORT = ("n_warmup", 2), ("n_refinement", 2), ("warmup_tolerance", 1e300), ("tolerance", 1e300)
 
 
 def test_rows_there_and_back():
@@ -129,7 +121,7 @@ def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
     Of the cubes those that were there before are left, and no other.
     """
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-    (sky,) = realisations(**TINY, n_realisations=1)
+    (sky,) = realisations(**TINY, n_sources_max=3, n_realisations=1)
     sky = replace(sky, options=SHORT)
     before, *others = dict.fromkeys(case for case, *_ in sky.cases.values())
     pipeline.observation(before)

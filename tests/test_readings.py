@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ledgers import judged
+from ledgers import SHORT, TINY, judged
 from outcomes import outcome, run
 
 from himap.core.errors import InputError
@@ -30,9 +30,6 @@ from himap.paper.readings_table import candidates_table
 from himap.paper.realisation import Realisation
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 
-SURVEY = {"nside": 8, "box_cells": 16, "n_channels": 25, "freq_max": 1025.0}
-TINY = {"preset": "ci", "survey": SURVEY, "n_sources_max": 2}
-SHORT = ("n_warmup", 2), ("n_refinement", 2), ("warmup_tolerance", 1e300), ("tolerance", 1e300)
 CHOSEN = {
     name: Reading(label=name, options=(*given, *SHORT))
     for name, given in {"default": (), "letter": (("reading", "letter"),)}.items()
@@ -88,7 +85,7 @@ def tiny(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HIMAP_CACHE", str(tmp_path_factory.getbasetemp() / "himap-cache"))
         patch.setattr(experiment, "readings", lambda: CHOSEN)
-        (sky,) = experiment.skies(**TINY, n_realisations=1, n_restarts=1)
+        (sky,) = experiment.skies(**TINY, n_sources_max=2, n_realisations=1, n_restarts=1)
         yield outcomes(experiment.EXPERIMENT.table([sky])), sky.realisations["default"][0]
 
 
