@@ -48,7 +48,7 @@ def source_number_criteria(case, removers, mocks):
     """
     counts = np.array([remover.n_sources for remover in removers])
     own = [own_recovery(case, remover) for remover in removers]
-    transfers = transfer_functions(case, removers, mocks).values()
+    transfers = transfer_functions(case, removers, mocks)
 
     def in_bands(several):
         """Means of C_l and P(k), or of the same over mocks, in the judged bands, (n, n_bands)."""
@@ -59,7 +59,7 @@ def source_number_criteria(case, removers, mocks):
         return np.array(rows)
 
     residual, true = in_bands([one.output for one in own]), in_bands([one.input for one in own])
-    corrected = residual / in_bands(transfers)
+    corrected = residual / in_bands([transfers[remover] for remover in removers])
     variances = np.array([cleaned.assessment(case, one).power_spectra.angular.variance for one in removers])
     table = pd.DataFrame(index=counts)
     for kind in ("bic", "aic"):
