@@ -6,8 +6,8 @@ file or in a folder, are the channels of one cube if they share the axes of the 
 """
 
 import warnings
+from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from astropy import units as u
@@ -67,8 +67,8 @@ def read_image_fits(paths, *, axes=None, held=1):
     """
     remarks, parts = [], []
     for path in paths:
-        read = partial(_parts, path, axes=axes, remarks=remarks, alone=len(paths) == 1)
-        parts += _read(path, read)
+        with _opened(path) as file:
+            parts += _parts(path, file, axes=axes, remarks=remarks, alone=len(paths) == 1)
     _check_alike(parts)
     where, names = paths[0].parent if len(paths) > 1 else paths[0], [*map(str, parts)]
     units = [card_text(part.header, "BUNIT") for part in parts]
@@ -81,24 +81,25 @@ def read_image_fits(paths, *, axes=None, held=1):
     check_cube_room(where, ends[-1] * n_pix, dtype.itemsize, held)
     maps = np.empty((ends[-1], n_pix), dtype=dtype)
     for part, out in zip(parts, np.split(maps, ends[:-1]), strict=True):
-        out[:] = _read(part.path, part.read)
+        with _opened(part.path) as file:
+            out[:] = part.read(file)
     stated = {"unit": only_value(where, "unit", units, names), "remarks": tuple(remarks)}
     stated["about"] = {"SPECSYS": frame} if frame else {}
-    paths_of_parts = [part.path for part in parts]
     if parts[0].freqs is not None:
         stated["freqs"] = np.concatenate([part.freqs for part in parts])
         stated["freqs_from"] = "the axis FREQ" + " of each image" * (len(parts) > 1)
-    elif len(parts) > 1 and len({*paths_of_parts}) == ends[-1]:  # a file for each channel
-        files = [path.name for path in paths_of_parts]
+    elif len(parts) > 1 and len({part.path for part in parts}) == ends[-1]:  # a file for each channel
+        files = [part.path.name for part in parts]
         in_headers = [freq_in_header(part.header, part.path) for part in parts]
         stated |= {"names": tuple(files), **stated_freqs(files, "the names of its files", in_headers)}
     return maps, Layout(pixels=pixels, **stated)
 
 
-def _read(path, read):
-    """``read(file)`` of an open FITS file; what astropy raises as an error of the input."""
+@contextmanager
+def _opened(path):
+    """A FITS file, open; what astropy raises is an error of the input."""
     with reading(path, "an image cube in FITS"), _quiet(), fits.open(path, memmap=False) as file:
-        return read(file)
+        yield file
 
 
 def _parts(path, file, *, axes, remarks, alone):

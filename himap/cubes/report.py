@@ -208,8 +208,9 @@ def spectra_figure(spectra):
 
 
 def panel(kind, curves, **settings):
-    """A panel of `plotting.lines` with power spectra, "angular" or "frequency", on logarithmic axes."""
-    labels = {name: styles.AXES[kind][name] for name in ("xlabel", "ylabel")}
+    """A panel of `plotting.lines` with "eigenvalues" or, of `styles.AXES`, power, on logarithmic axes."""
+    known = {"eigenvalues": {"xlabel": "component", "ylabel": r"variance [mK$^2$]"}} | styles.AXES
+    labels = {name: known[kind][name] for name in ("xlabel", "ylabel")}
     return labels | {"curves": curves, "xscale": "log", "yscale": "log"} | settings
 
 
@@ -220,29 +221,19 @@ def modes_figure(cleaned):
     )
     numbers, mixing = np.arange(1, len(before) + 1), cleaned.separation.mixing
     looks = styles.sequence([f"source {n + 1}" for n in range(mixing.shape[1])])
-    panels = [
-        {
-            "title": "Eigenvalues of the channel covariance",
-            "xlabel": "component",
-            "ylabel": r"variance [mK$^2$]",
-            "xscale": "log",
-            "yscale": "log",
-            "curves": [
-                (numbers, before, {"label": "as it came", "color": styles.VERMILION}),
-                (numbers, np.maximum(after, before.min() * _FAINT), _CLEANED),
-            ],
-        },
-        {
-            "title": "Spectra of the sources",
-            "xlabel": styles.CHANNELS,
-            "ylabel": "mixing coefficient",
-            "legend": {"loc": "center left", "bbox_to_anchor": (1, 0.5)},
-            "curves": [
-                (cleaned.cube.freqs, spectrum, look) for spectrum, look in zip(mixing.T, looks, strict=True)
-            ],
-        },
+    curves = [
+        (numbers, before, {"label": "as it came", "color": styles.VERMILION}),
+        (numbers, np.maximum(after, before.min() * _FAINT), _CLEANED),
     ]
-    return plotting.lines(panels)
+    sources = {
+        "title": "Spectra of the sources",
+        "xlabel": styles.CHANNELS,
+        "ylabel": "mixing coefficient",
+        "legend": {"loc": "center left", "bbox_to_anchor": (1, 0.5)},
+        "curves": [(cleaned.cube.freqs, one, look) for one, look in zip(mixing.T, looks, strict=True)],
+    }
+    title = "Eigenvalues of the channel covariance"
+    return plotting.lines([panel("eigenvalues", curves, title=title), sources])
 
 
 def maps_figure(cleaned):

@@ -24,7 +24,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.cubes.cleaning import cleaning_of, method_for
-from himap.cubes.report import figure, write_page
+from himap.cubes.report import figure, panel, write_page
 from himap.cubes.spectra import analysed, scales, spectra_of
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
@@ -254,18 +254,14 @@ def views_figure(suggestion):
     number = np.arange(1, len(suggestion.eigenvalues) + 1)
     common = {"xlabel": "number of sources", "legend": {"fontsize": 8.5}}
     blue, orange = {"color": styles.BLUE, "marker": "o"}, {"color": styles.VERMILION}
+    curves = [
+        (number, suggestion.eigenvalues, orange | {"label": "of the cube"}),
+        (number, suggestion.line, {"color": "black", "linestyle": "--", "label": "HI and noise"}),
+    ]
     panels = [
-        {
-            "title": "Eigenvalues" + (" at one resolution" if suggestion.at_one_resolution else ""),
-            "xlabel": "component",
-            "ylabel": r"variance [mK$^2$]",
-            "xscale": "log",
-            "yscale": "log",
-            "curves": [
-                (number, suggestion.eigenvalues, orange | {"label": "of the cube"}),
-                (number, suggestion.line, {"color": "black", "linestyle": "--", "label": "HI and noise"}),
-            ],
-        },
+        panel(
+            "eigenvalues", curves, title="Eigenvalues" + " at one resolution" * suggestion.at_one_resolution
+        ),
         common
         | {
             "title": "Information criterion",
