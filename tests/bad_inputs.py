@@ -8,6 +8,7 @@ import h5py
 import healpy as hp
 import numpy as np
 from astropy.io import fits
+from cube_files import power_laws
 from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, power_law_images, write_image
 
 NSIDE = 4
@@ -20,11 +21,8 @@ STOKES_NAMES = ("I", "Q", "U", "V")
 
 
 def good_maps():
-    """Two power laws and noise, mK, (24, 192) float32."""
-    rng = np.random.default_rng(20)
-    spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
-    bright = spectra @ (1e3 * np.exp(rng.standard_normal((2, N_PIX))))
-    return (bright + rng.standard_normal(SHAPE)).astype(np.float32)
+    """`power_laws`, (24, 192)."""
+    return power_laws(np.random.default_rng(20), FREQS, N_PIX)
 
 
 def write_good():
@@ -513,6 +511,9 @@ add("a truth of another nside", "good.h5 --truth a.h5", "the truth must have the
 
 
 over = "good.npy --freqs nu.html --unit mK --overwrite --method beam_subspace --beam evolving"
+add("suggest over its flags", "suggest good.h5 --flags f.html -o f.html --overwrite", "made from",
+    Path("f.html").touch)  # fmt: skip
+add("suggest to a page that is there", "suggest good.h5 -o f.html", "give --overwrite", Path("f.html").touch)
 for command, output in (("clean", "nu.h5"), ("suggest", "nu.html"), ("transfer", "nu.html")):
     add(f"{command} over frequencies", f"{command} {over} -o {output}", "made from", os.rename, "nu.txt",
         "nu.html")  # fmt: skip
@@ -589,11 +590,31 @@ add("a beam without its file", f"good.h5 {BEAM} file", "the path of the file its
 add("beams for other channels", f"good.h5 {BEAM} b.npy", "got (3,)", save, "b.npy", np.ones(3))
 add("a dish of no size", "good.h5 --beam evolving --dish 0", "diameter in m")
 add("a dish alone", "good.h5 --dish 3", "dish")
-for word in ("1000000000000", "-3"):
-    add(f"{word} mocks", f"good.h5 --beam evolving --mocks {word}", "the number of mocks")
+for word in ("1000000000000", "0", "-3"):
+    message = f"the number of mocks must be a whole number between 1 and 10000, got {word}"
+    add(f"{word} mocks", f"transfer good.h5 --beam evolving --mocks {word}", message)
+for words, message in (
+    ("--mocks 2", "give it (beams=, --beam), or mocks of your own"),
+    ("--mocks 2 --mocks part.fits", "one number, or a file for each mock"),
+    ("--mocks none.h5", "there is no file 'none.h5'"),
+    ("--mocks good.h5 --mock-noise 1", "those from files have their own"),
+    ("--beam evolving --mocks 2 --mock-noise 0", "noise must be above zero"),
+):
+    add(f"transfer {words}", f"transfer good.h5 {words}", message)
+add("noise of no mocks", "good.h5 --mock-noise 1", "belongs to a number")
+for name in ("gnilc", "sdecgmca", "beam_subspace", "smooth_spectra"):
+    message = f"{name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
+    message += "fastica, gaussian_process, gmca, parametric, pca or polynomial"
+    add(f"{name} of images", f"image.fits --method {name} --beam evolving", message)
+for words in ("--beam evolving", "--mocks image.fits", "--mocks 2"):
+    add(f"{words} of images", f"image.fits {words}", "the cube is an image in the plane")
 for words in (f"--to {10**30}", "--from 24 --to 25"):
     add(f"suggest {words}", f"suggest good.h5 --keep-peaks {words}", "sources")
 add("suggest n_sources", "suggest good.h5 -p n_sources=3", "--from and --to")
+add("suggest for what has no sources", "suggest good.h5 --method polynomial", "no parameter 'n_sources'")
+add("suggest for what takes no flags", "suggest good.h5 --flags bl.npy --method gmca", "takes no weights")
+for command in ("suggest", "sensitivity", "transfer"):
+    add(f"{command} to a picture", f"{command} good.h5 -o n.png", "the page is a .html file")
 for command in ("claims", "readings"):
     words = f"measure {command} -p n_sources_max=1000000000000"
     add(f"{command} without end", words, "n_sources_max must be a whole number")

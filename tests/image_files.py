@@ -2,6 +2,7 @@
 
 import numpy as np
 from astropy.io import fits
+from cube_files import power_laws
 
 N_CHANNELS, N_Y, N_X = 20, 12, 16
 FREQ = ("FREQ", 980e6, 1.0, 2e6, "Hz")
@@ -24,11 +25,8 @@ def header_of(axes, **more):
 
 
 def power_law_images(rng):
-    """Two power laws and noise, mK, by frequency from 980 MHz in steps of 2; (20, 12, 16) float32."""
-    freqs = 980 + 2 * np.arange(N_CHANNELS)
-    amplitudes = 1e3 * np.exp(rng.standard_normal((2, N_Y, N_X)))
-    maps = np.einsum("fs,syx->fyx", (freqs[:, None] / 1000) ** np.array([-2.1, -2.8]), amplitudes)
-    return (maps + rng.standard_normal(maps.shape)).astype(np.float32)
+    """`power_laws` from 980 MHz in steps of 2, (20, 12, 16)."""
+    return power_laws(rng, 980 + 2 * np.arange(N_CHANNELS), N_Y, N_X)
 
 
 def write_image(path, maps, *, axes=(*SKY["SIN"], FREQ), kind=fits.PrimaryHDU, **more):

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from astropy.io import fits
-from cube_files import N_PIX, himap, power_law_maps, write_hdf5
+from cube_files import N_PIX, himap, power_law_maps, run, write_hdf5
 
 from himap.cubes import beams_of, clean_cube, read_cube
 from himap.cubes.scatter import PERCENTILES, scatter_of, scatter_table
@@ -17,14 +17,13 @@ from himap.instrument.beams import named
 from himap.removal.base import SeparationWarning
 from himap.removal.restarts import RESTARTS, Ensemble
 
-MEASURED = {"ordering": "RING", "units": "mK"}
 QUICK = {"n_sources": 2, "noise": 1.0, "n_warmup": 1, "n_refinement": 1, "n_scales": 2}
 QUICK |= {"warmup_tolerance": 1e9, "tolerance": 1e9}  # two iterations
 
 
 @pytest.fixture
 def path(rng, tmp_path):
-    return write_hdf5(tmp_path / "cube.h5", power_law_maps(rng), **MEASURED)
+    return write_hdf5(tmp_path / "cube.h5", power_law_maps(rng))
 
 
 @pytest.fixture
@@ -95,8 +94,7 @@ class TestCommand:
 
     def test_what_is_written(self, path, monkeypatch):
         monkeypatch.chdir(path.parent)
-        done = himap("clean", path, *self.WORDS, "--restarts", 3, "--mocks", 1, "-o", "c.h5")
-        assert done.exit_code == 0, done.output
+        done = run("clean", path, *self.WORDS, "--restarts", 3, "--mocks", 1, "-o", "c.h5")
         assert "over the medoid" in done.output and "the medoid of 3, of which" in done.output
         with h5py.File("c.h5") as file:
             about = dict(file.attrs)
@@ -112,8 +110,7 @@ class TestCommand:
 
     def test_one(self, path, monkeypatch):
         monkeypatch.chdir(path.parent)
-        done = himap("clean", path, *self.WORDS, "--restarts", 1, "-o", "c.fits")
-        assert done.exit_code == 0, done.output
+        done = run("clean", path, *self.WORDS, "--restarts", 1, "-o", "c.fits")
         assert "one run is one draw" in done.output and "over the medoid" not in done.output
         assert "RESTARTS" not in fits.getheader("c.fits", 1)
         done = himap("clean", path, *self.WORDS, "--restarts", 2, "-o", "d.fits")

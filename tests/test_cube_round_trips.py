@@ -11,7 +11,7 @@ import pytest
 from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 from astropy.wcs import WCS
-from cube_files import himap
+from cube_files import run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from image_files import SKY, STOKES, header_of
@@ -194,8 +194,9 @@ def test_what_was_written_is_read_again(kind, ending, tmp_path):
     cleaned = clean_cube(cube, "pca", n_sources=1)
     save_cleaned(cleaned, target)
     check_written(path, cube, cleaned, target)
-    if kind == "beams.fits" and ending == "fits":
-        assert fits.getdata(target, "BEAMS")["BMAJ"].tolist() == [1] * 9
+    if kind == "beams.fits":
+        assert "holds BEAMS too, which is not used, but written again" in cube.remarks[0]
+        assert ending == "h5" or fits.getdata(target, "BEAMS")["BMAJ"].tolist() == [1] * 9
     second = clean_cube(read_cube(target), "polynomial", order=1)
     save_cleaned(second, tmp_path / "d.fits")
     check_written(target, read_cube(target), second, tmp_path / "d.fits")
@@ -281,8 +282,8 @@ def test_how_many_sources_are_left_in_what_was_cleaned(tmp_path):
     for name, ending in (("a", "fits"), ("a", "h5"), ("b", "fits"), ("b", "h5")):
         target = tmp_path / f"c_{name}.{ending}"
         save_cleaned(clean_cube(read_cube(tmp_path / f"{name}.fits"), "pca", n_sources=1), target)
-        done = himap("suggest", target, "--to", 3)
-        assert done.exit_code == 0 and "eigenvalues stand above HI and noise" in done.output, done.output
+        done = run("suggest", target, "--to", 3)
+        assert "eigenvalues stand above HI and noise" in done.output
 
 
 def test_as_many_channels_as_a_sphere_has_pixels(tmp_path, rng):

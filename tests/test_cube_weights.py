@@ -5,7 +5,7 @@ import healpy as hp
 import numpy as np
 import pytest
 from astropy.io import fits
-from cube_files import FREQS, N_PIX, himap, power_law_maps, write_hdf5
+from cube_files import FREQS, N_PIX, power_law_maps, run, write_hdf5
 from image_files import N_CHANNELS, N_X, N_Y, SKY, power_law_images, write_image
 
 from himap.core.errors import InputError
@@ -17,7 +17,6 @@ from himap.measures.spectra import frequency_power
 from himap.removal.pca import PCA
 from himap.removal.polynomial import Polynomial
 
-SAID = {"unit": "mK", "order": "RING"}
 SHAPE = (len(FREQS), N_PIX)
 DOWN = ("FREQ", 1018e6, 1.0, -2e6, "Hz")
 
@@ -45,7 +44,7 @@ def flags(rng):
 
 @pytest.fixture(autouse=True)
 def cube(here, maps):
-    write_hdf5("cube.h5", maps, **SAID)
+    write_hdf5("cube.h5", maps)
 
 
 def nested(rows):
@@ -115,7 +114,7 @@ class TestReading:
     def test_voxels_that_are_nan_are_missing_alone(self, maps):
         gaps = np.arange(24)[:, None] == np.arange(N_PIX) % 24
         maps[gaps] = np.nan
-        write_hdf5("gaps.h5", maps, **SAID)
+        write_hdf5("gaps.h5", maps)
         with pytest.raises(
             InputError, match="no pixel is seen in every .* or clean with a method that takes weights"
         ):
@@ -166,8 +165,8 @@ class TestCleaning:
     def test_a_truth_and_mocks(self, maps, hits, flags, rng):
         """The truth is 0 where the cube is missing, and so is a mock."""
         true = rng.standard_normal(SHAPE).astype(np.float32)
-        write_hdf5("truth.h5", true, **SAID)
-        write_hdf5("both.h5", maps + true, **SAID)
+        write_hdf5("truth.h5", true)
+        write_hdf5("both.h5", maps + true)
         cube = read_cube("both.h5", weights=hits, flags=flags)
         cleaned = clean_cube(cube, "pca", n_sources=2)
         found = compared(cleaned, read_truth("truth.h5", cube=cube))
@@ -188,8 +187,7 @@ class TestCommands:
         np.save("hits.npy", hits)
         np.save("flags.npy", flags)
         words = ("--method", "pca", "-p", "n_sources=2", "--weights", "hits.npy", "--flags", "flags.npy")
-        outcome = himap("clean", "cube.h5", *words, "-o", "out.h5")
-        assert outcome.exit_code == 0, outcome.output
+        outcome = run("clean", "cube.h5", *words, "-o", "out.h5")
         assert "1 of 24 channels see nothing and are left out." in outcome.output
         cleaned = clean_cube(read_cube("cube.h5", weights=hits, flags=flags), "pca", n_sources=2)
         save_cleaned(cleaned, "own.h5")
@@ -202,20 +200,11 @@ class TestCommands:
     def test_transfer(self, flags, rng):
         """Of mocks from files, and of such that are made, the channel that is left out is left out."""
         np.save("flags.npy", flags)
-        write_hdf5("mock.h5", rng.standard_normal(SHAPE).astype(np.float32), **SAID)
-        words = (
-            "--method",
-            "polynomial",
-            "-p",
-            "order=3",
-            "--flags",
-            "flags.npy",
-            "--beam",
-            "meerkat:band=L",
-        )
+        write_hdf5("mock.h5", rng.standard_normal(SHAPE).astype(np.float32))
+        words = ["--method", "polynomial", "-p", "order=3", "--beam", "meerkat:band=L"]
         for n, mocks in enumerate(("mock.h5", "1")):
-            outcome = himap("transfer", "cube.h5", *words, "--mocks", mocks, "-o", f"out{n}.html")
-            assert outcome.exit_code == 0, outcome.output
+            files = ["--flags", "flags.npy", "--mocks", mocks, "-o", f"out{n}.html"]
+            outcome = run("transfer", "cube.h5", *words, *files)
             assert "The beams, meerkat:band=L, have a FWHM of 1.4" in outcome.output
 
 
@@ -272,10 +261,9 @@ class TestImages:
         write_image("hits.fits", hits, axes=SKY["SIN"], BUNIT="")
         write_image("flags.fits", flags.astype("u1"))
         options = ["--weights", "hits.fits", "--flags", "flags.fits", "--keep-peaks", "-o", "c.fits"]
-        done = himap("clean", "cube.fits", "--method", "pca", "-p", "n_sources=2", *options)
-        assert done.exit_code == 0, done.output
+        run("clean", "cube.fits", "--method", "pca", "-p", "n_sources=2", *options)
         with fits.open("c.fits") as file:
             assert file[0].header["CTYPE1"] == "RA---SIN"
             assert np.array_equal(np.isnan(file[0].data), flags | (hits == 0))
-        done = himap("clean", "cube.fits", "--method", "fastica", *options, "--overwrite")
-        assert done.exit_code == 2 and "takes no weights" in done.output
+        done = run("clean", "cube.fits", "--method", "fastica", *options, "--overwrite", code=2)
+        assert "takes no weights" in done.output
