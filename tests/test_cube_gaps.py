@@ -148,6 +148,16 @@ class TestSuggestion:
         assert values[:2] == pytest.approx(np.linalg.eigvalsh(np.cov(smooth))[:-3:-1], rel=0.01)
         assert values[2:] == pytest.approx(1, abs=0.3)
 
+    def test_information_is_of_weighted_variances(self, cube):
+        """As `numpy.cov` has them, of the cube cleaned with each number."""
+        found = suggestion.suggest(cube, n_sources=range(1, 4), peaks=False)
+        left = [clean_cube(cube, "pca", n_sources=n, peaks=False).residual for n in (1, 2, 3)]
+        each = [zip(one.astype(float), cube.weights, strict=True) for one in left]
+        variances = np.array([[np.cov(row, aweights=w, ddof=0) for row, w in rows] for rows in each])
+        n_seen, n_pix = np.count_nonzero(~cube.missing, axis=1), cube.maps.shape[1]
+        expected = n_sources.information(variances, np.array([1, 2, 3]), n_pix, n_seen=n_seen)
+        assert found.criterion == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
     def test_information_of_samples_that_are_there(self, rng):
         """-2 ln L of the residuals that are there, each channel with a variance of its own, and the price."""
         n_pix, counts = 400, np.array([3, 4])
