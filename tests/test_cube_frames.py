@@ -5,7 +5,7 @@ import healpy as hp
 import numpy as np
 import pytest
 from astropy.io import fits
-from cube_files import run
+from cube_files import run, write_hdf5
 from image_files import FREQ, SKY, power_law_images, write_image
 
 from himap.core.errors import InputError
@@ -36,15 +36,6 @@ def write(name, maps, frame, **options):
     return name
 
 
-def write_hdf5(name, maps, on=None, dataset="maps", **attributes):
-    with h5py.File(name, "w") as file:
-        file.create_dataset(f"sky/{dataset}", data=maps)
-        file.create_dataset("sky/freqs", data=FREQS)
-        file["sky"].attrs.update(unit="mK", order="RING")
-        (file[on] if on else file).attrs.update(attributes)
-    return name
-
-
 @pytest.mark.parametrize(
     ("frame", "spellings"),
     [
@@ -67,12 +58,13 @@ def test_another_equinox_is_another_frame(maps):
 
 
 class TestReadAndWritten:
-    @pytest.mark.parametrize("on", [None, "sky", "sky/maps"])
+    @pytest.mark.parametrize("on", ["/", "sky", "sky/cube"])
     @pytest.mark.parametrize("name", ["COORDSYS", "coord", "frame"])
     def test_hdf5(self, on, name, maps):
         """Of the dataset, its group or the file."""
-        cube = read_cube(write_hdf5("a.h5", maps, on, **{name: "Equatorial"}))
-        assert cube.layout.pixels.frame == "C"
+        with h5py.File(write_hdf5("a.h5", maps, FREQS), "a") as file:
+            file[on].attrs[name] = "Equatorial"
+        assert read_cube("a.h5").layout.pixels.frame == "C"
 
     def test_a_card_of_the_file_before_the_table(self, maps):
         write("a.fits", maps, None)
@@ -129,7 +121,9 @@ class TestDiffer:
         given = latitudes[0] > 20
         write("mask.fits", given.astype("f4"), "G")
         write("weights.fits", hp.reorder(latitudes[0], r2n=True), "G", nest=True)
-        write_hdf5("flags.h5", (~given).astype("u1"), dataset="flags", coordsys="G")
+        with h5py.File("flags.h5", "w") as file:
+            file["sky/flags"] = (~given).astype("u1")
+            file.attrs.update(order="RING", coordsys="G")
         write("truth.fits", maps, "G")
 
     @pytest.mark.parametrize("name", ["mask", "weights", "flags", "truth", "mocks"])

@@ -11,7 +11,7 @@ import pytest
 from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 from astropy.wcs import WCS
-from cube_files import run
+from cube_files import run, write_hdf5
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from image_files import SKY, STOKES, header_of
@@ -46,7 +46,8 @@ def write_images(path, *, first=0, n=N_CHANNELS, axes=SKY["SIN"], stokes=False, 
     fits.PrimaryHDU(maps, header).writeto(path)
 
 
-def write_hdf5(path):
+def write_turned(path):
+    """HDF5 of (pixels, channels)."""
     with h5py.File(path, "w") as file:
         file.create_dataset("maps", data=sky(N_PIX).T / 1e3).attrs.update(
             units="K", coordsys="C", ordering="NEST"
@@ -100,7 +101,7 @@ def expected(kind):
 
 
 KINDS = {
-    "a.h5": write_hdf5,
+    "a.h5": write_turned,
     "folder": write_folder,
     "stokes.fits": lambda path: write_images(path, stokes=True, axes=SKY["ZEA"]),
     "image_folder": write_image_folder,
@@ -258,7 +259,7 @@ def test_any_image(projection, order, place, spelled, sign, dtype, unit, spectra
 def test_how_many_sources_are_left_in_what_was_cleaned(tmp_path):
     """By the command on what it wrote, in every format that says all of itself."""
     write_images(tmp_path / "a.fits")
-    write_hdf5(tmp_path / "b.h5")
+    write_turned(tmp_path / "b.h5")
     for name, ending in (("a.fits", "fits"), ("a.fits", "h5"), ("b.h5", "fits"), ("b.h5", "h5")):
         target = tmp_path / f"c_{name}.{ending}"
         save_cleaned(clean_cube(read_cube(tmp_path / name), "pca", n_sources=1), target)
@@ -268,11 +269,7 @@ def test_how_many_sources_are_left_in_what_was_cleaned(tmp_path):
 
 def test_as_many_channels_as_a_sphere_has_pixels(tmp_path, rng):
     """12 of them: the mixing matrix could be maps too, and is not taken for these."""
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["maps"] = 1e3 + rng.standard_normal((12, N_PIX))
-        file["freqs"] = 950 + np.arange(12.0)
-        file.attrs.update(unit="mK", order="RING")
+    path = write_hdf5(tmp_path / "a.h5", 1e3 + rng.standard_normal((12, N_PIX)), 950 + np.arange(12.0))
     cleaned = clean_cube(read_cube(path), "pca", n_sources=1)
     save_cleaned(cleaned, tmp_path / "c.h5")
     assert np.allclose(read_cube(tmp_path / "c.h5").maps, cleaned.residual, atol=1e-6)
