@@ -172,8 +172,7 @@ class TestFormats:
         write_image("a.fits", images)
         fits.writeto("b.fits.gz", images, fits.getheader("a.fits"))
         os.rename("b.fits.gz", "b.cube")
-        with h5py.File("d.h5", "w") as file:
-            file["maps"] = good_maps()
+        write_hdf5("d.h5")
         Path("d.h5.gz").write_bytes(gzip.compress(Path("d.h5").read_bytes()))
         with pytest.raises(InputError, match="d.h5.gz: a cube is .*unpack archives"):
             read_cube("d.h5.gz")
