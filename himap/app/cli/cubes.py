@@ -73,9 +73,9 @@ def _output(asked, endings=(), page=True):
 
 
 def _write(asked, files, write, *, remarks=()):
-    """Write all `files` or none, ``write(temporary names)``, and say remarks and their names."""
+    """Write all `files` or none, ``write(*temporary names)``, and say remarks and their names."""
     with atomic_files(*files) as temporary:
-        write(temporary)
+        write(*temporary)
     _tell(asked, *remarks)
     took = time.monotonic() - asked.started
     click.echo(f"{plain_text('  '.join(map(str, files)))}  ({took:.0f} s)")
@@ -139,9 +139,9 @@ def clean(asked):
     cleaned, write_pages = _cleaned(asked)
     outputs = files_of(output)
 
-    def write(temporary):
+    def write(*temporary):
         write_cleaned(cleaned, temporary[: len(outputs)], said=asked.said)
-        write_pages(temporary[len(outputs) :])
+        write_pages(*temporary[len(outputs) :])
 
     pages = [companion(output, end) for end in endings]
     _write(asked, [*outputs, *pages], write, remarks=cleaned.remarks)
@@ -214,10 +214,10 @@ def _cleaned(asked):
         more = [*more, patches_part(cleaned, true)]
     shown = spectra if comparison is None else comparison
 
-    def write_pages(paths):
-        write_report(cleaned, paths[0], spectra=shown, more=more, said=asked.said)
+    def write_pages(page, table=None):
+        write_report(cleaned, page, spectra=shown, more=more, said=asked.said)
         if corrected is not None:
-            texts.write_spectra(corrected, paths[1], scattered)
+            texts.write_spectra(corrected, table, scattered)
 
     return cleaned, write_pages
 
@@ -294,8 +294,7 @@ def suggest(asked):
     click.echo(suggestion.suggestion_table(result))
     click.echo(f"{result.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(result)}")
     if page is not None:
-        write = functools.partial(suggestion.write_suggestion, result, said=asked.said)
-        _write(asked, [page], lambda paths: write(*paths))
+        _write(asked, [page], functools.partial(suggestion.write_suggestion, result, said=asked.said))
 
 
 @_command(
@@ -332,4 +331,4 @@ def sensitivity(asked):
     click.echo(measured.sensitivity_table(ratios, asked.period))
     if page is not None:
         write = functools.partial(measured.write_sensitivity, ratios, period=asked.period, said=asked.said)
-        _write(asked, [page], lambda paths: write(*paths))
+        _write(asked, [page], write)
