@@ -145,13 +145,19 @@ def _rendered(folder):
     """The folder of the pages of a copy of the book's sources in `folder`, rendered there."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
-    for name in ("_config.yml", "_toc.yml", "CHANGELOG.md", "CITATION.cff"):
+    for name in ("_config.yml", "_toc.yml"):
+        shutil.copy(ROOT / name, folder)
+    shutil.copytree(ROOT / "notebooks", folder / "notebooks")
+    return render_book(folder, "-W", "--keep-going")
+
+
+def render_book(folder, *options):
+    """The folder of the pages of the book, rendered in a folder with its notebooks and configuration."""
+    for name in ("CHANGELOG.md", "CITATION.cff"):
         shutil.copy(ROOT / name, folder)
     shutil.copytree(ROOT / "book", folder / "book")
-    shutil.copytree(ROOT / "notebooks", folder / "notebooks")
-    jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
-    options = ["build", str(folder), "-W", "--keep-going"]
-    outcome = subprocess.run([*jupyter_book, *options], capture_output=True, text=True)
+    build = ["from jupyter_book.cli.main import main; main()", "build", str(folder), *options]
+    outcome = subprocess.run([sys.executable, "-c", *build], capture_output=True, text=True)
     assert outcome.returncode == 0, outcome.stdout[-3000:] + outcome.stderr[-3000:]
     return folder / "_build" / "html"
 

@@ -102,5 +102,11 @@ def threads(number):
 
 
 @product
+def worker(number):
+    time.sleep(0.2)  # so that others do some of it
+    return os.getpid()
+
+
+@product
 def dying(number):
     os.kill(os.getpid(), signal.SIGKILL)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from conftest import render_book
 
 ROOT = Path(__file__).resolve().parents[1]
 ADDRESS = "https://github.com/somebody/himap"
@@ -18,27 +19,18 @@ def extensions(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
 
 
-def small_book(folder, *, url):
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
     """The rendered pages of one chapter and the changes, with an address of the repository."""
+    folder = tmp_path_factory.mktemp("small")
     config = yaml.safe_load((ROOT / "_config.yml").read_text())
-    config["repository"]["url"] = url
+    config["repository"]["url"] = ADDRESS
     (folder / "_config.yml").write_text(yaml.safe_dump(config))
     toc = {"format": "jb-book", "root": "book/changes", "chapters": [{"file": "notebooks/04_pca"}]}
     (folder / "_toc.yml").write_text(yaml.safe_dump(toc))
-    for name in ("CHANGELOG.md", "CITATION.cff"):
-        shutil.copy(ROOT / name, folder)
-    shutil.copytree(ROOT / "book", folder / "book")
     (folder / "notebooks").mkdir()
     shutil.copy(ROOT / "notebooks" / "04_pca.ipynb", folder / "notebooks")
-    jupyter_book = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()"]
-    outcome = subprocess.run([*jupyter_book, "build", str(folder)], capture_output=True, text=True)
-    assert outcome.returncode == 0, outcome.stdout[-2000:] + outcome.stderr[-2000:]
-    return folder / "_build" / "html"
-
-
-@pytest.fixture(scope="module")
-def pages(tmp_path_factory):
-    return small_book(tmp_path_factory.mktemp("small"), url=ADDRESS)
+    return render_book(folder)
 
 
 def test_one_setting_turns_on_all_ways_out(pages, html):

@@ -8,19 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_parallel import CALLS, CASE, WORK
 
 from himap.core.errors import InputError
-from himap.core.survey import Survey
-from himap.paper import cleaned, pipeline
+from himap.paper import cleaned
 from himap.removal.pca import PCA
 from himap.store import cache
 from himap.store.parallel import DASK_VARIABLE, check_scheduler, make_all
 
 distributed = pytest.importorskip("distributed")
-
-CASE = pipeline.Case(survey=Survey(nside=8, n_channels=20, box_cells=16))
-CALLS = [(CASE, PCA(n_sources=n), True) for n in (1, 2, 3, 4)]
-WORK = [(cleaned.assessment, call) for call in CALLS]
 
 TWO = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
 ONE = TWO | {"n_workers": 1}

@@ -1,7 +1,6 @@
 """Products made several at a time."""
 
 import os
-from dataclasses import replace
 
 import numpy as np
 import psutil
@@ -9,7 +8,6 @@ import pytest
 from joblib.externals.loky import get_reusable_executor
 
 from himap.core.errors import InputError
-from himap.core.memory import estimate
 from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
 from himap.removal.pca import PCA
@@ -45,24 +43,14 @@ def test_processes_share_the_cores(lab, monkeypatch):
     assert lab.threads(1) == lab.threads(2) == 4 and "DUCC0_NUM_THREADS" not in os.environ
 
 
-@pytest.mark.parametrize("fit", [1, 2])
-def test_no_more_light_cones_at_once_than_the_memory_holds(monkeypatch, tmp_path, fit):
-    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+@pytest.mark.parametrize("at_once", [1, 2])
+def test_no_more_at_once_than_the_memory_holds(lab, monkeypatch, at_once):
+    """`cleaned.make` asks for as many: see test_making.py."""
     monkeypatch.setenv(JOBS_VARIABLE, "3")
-    needed = estimate(CASE.survey)["HI light cone"]
-    monkeypatch.setenv("HIMAP_MAX_MEMORY", f"{(fit + 0.5) * needed / 1e9:.3f}GB")
-    skies, jobs = [replace(CASE.survey, seed=seed).sky for seed in (1, 2, 3)], []
-
-    def in_this_process(**options):
-        jobs.append(options["n_jobs"])
-        return lambda work: [made(*args) for made, args, _ in work]
-
-    monkeypatch.setattr("joblib.Parallel", in_this_process)
-    monkeypatch.setattr("himap.store.parallel._end_with", lambda asking: None)
-    monkeypatch.setattr("himap.store.parallel.note_worker", lambda folder: None)
-    cleaned.make_hi(skies)
-    assert jobs == [2] * (fit > 1)
-    assert all(pipeline.hi_alms_of_sky.is_cached(sky) for sky in skies)
+    get_reusable_executor().shutdown()  # so that new ones find the module
+    make_all([(lab.worker, (n,)) for n in range(3)], "test", at_once=at_once)
+    makers = {int(lab.worker(n)) for n in range(3)}
+    assert len(makers) <= at_once and (os.getpid() in makers) == (at_once == 1)
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "two", "1.5"])

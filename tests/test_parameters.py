@@ -79,23 +79,16 @@ def test_values_of_another_type_are_refused(name, text, expected):
         check_parameters(DECLARED, parse_texts(DECLARED, {name: text}))
 
 
-def test_unknown_names_are_refused_with_the_nearest():
-    for given, message in (
-        (
-            {"n_sorces": 3},
-            r"unknown parameter n_sorces \(did you mean n_sources\?\); there are .* share, .*seed",
-        ),
-        ({"nsid": 3}, "did you mean nside"),
-        ({"zzz": 3, "qqq": 1}, "unknown parameters zzz, qqq; there are preset, n_sources"),
-    ):
-        with pytest.raises(InputError, match=message):
-            check_parameters(DECLARED, given)
-
-
 def test_survey_fields_are_parameters_where_the_cell_has_a_survey():
     checked = check_parameters(DECLARED, {"nside": 32, "survey": {"n_channels": 50}}, "ci")
     assert checked == {"preset": "ci", "survey": {"seed": 1, "n_channels": 50, "nside": 32}}
-    assert "nside: int = (preset)  HEALPix" in describe_parameters(DECLARED)
+    texts = parse_texts(DECLARED, {"noise_reading": "variance", "nside": "32"})
+    assert check_parameters(DECLARED, texts) == {
+        "survey": {"seed": 1, "noise_reading": "variance", "nside": 32}
+    }
+    described = describe_parameters(DECLARED)
+    assert "nside: int = (preset)  HEALPix" in described
+    assert "noise_reading: str = (preset)  sigma_N of the noise formula" in described
     alone = read_parameters("n: int = 3")
     assert describe_parameters(alone) == "  n: int = 3"
     for bad in [{"nside": 32}, {"preset": "ci"}]:
@@ -103,19 +96,14 @@ def test_survey_fields_are_parameters_where_the_cell_has_a_survey():
             check_parameters(alone, bad)
 
 
-def test_survey_fields_that_are_texts():
-    texts = {"noise_reading": "variance", "nside": "32"}
-    checked = check_parameters(DECLARED, parse_texts(DECLARED, texts))
-    assert checked == {"survey": {"seed": 1, "noise_reading": "variance", "nside": 32}}
-    assert "noise_reading: str = (preset)  sigma_N of the noise formula" in describe_parameters(DECLARED)
-    for bad in ("power", "1"):
-        with pytest.raises(InputError, match="noise_reading must be deviation or variance"):
-            check_parameters(DECLARED, parse_texts(DECLARED, {"noise_reading": bad}))
-
-
 @pytest.mark.parametrize(
     "given, preset, message",
     [
+        ({"n_sorces": 3}, None, r"unknown parameter n_sorces \(did you mean n_sources\?\); .* share, .*seed"),
+        ({"nsid": 3}, None, "did you mean nside"),
+        ({"zzz": 3, "qqq": 1}, None, "unknown parameters zzz, qqq; there are preset, n_sources"),
+        ({"noise_reading": "power"}, None, "noise_reading must be deviation or variance"),
+        (parse_texts(DECLARED, {"noise_reading": "1"}), None, "noise_reading must be deviation or variance"),
         ({"nside": 65}, None, "nside must be a power of two, got 65"),
         ({"survey": {"nsides": 64}}, None, "unknown Survey field nsides"),
         ({}, "big", "unknown preset 'big'; there are ci"),
@@ -123,6 +111,6 @@ def test_survey_fields_that_are_texts():
         ({"preset": "ci"}, "quick", "given twice"),
     ],
 )
-def test_the_survey_is_checked_before_anything_runs(given, preset, message):
+def test_names_and_the_survey_are_checked_before_anything_runs(given, preset, message):
     with pytest.raises(InputError, match=message):
         check_parameters(DECLARED, given, preset)
