@@ -64,6 +64,12 @@ def private_cache(tmp_path_factory, monkeypatch):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path_factory.getbasetemp() / "himap-cache"))
 
 
+def run_python(*arguments, **variables):
+    """A finished process of this Python, of this himap, with more variables in its environment."""
+    environment = os.environ | {"PYTHONPATH": str(Path(himap.__file__).parents[1])} | variables
+    return subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True)
+
+
 @pytest.fixture
 def rng():
     return np.random.default_rng(12345)

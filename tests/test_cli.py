@@ -2,8 +2,6 @@
 
 import os
 import re
-import subprocess
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
+from conftest import run_python
 
 import himap
 from himap.app import notebooks, reproduce
@@ -356,9 +355,7 @@ def test_a_crash_names_its_signal():
 
 def _python(*arguments):
     """Exit code, stdout up to a file's extension, and stderr."""
-    environment = {**os.environ, "PYTHONPATH": str(Path(himap.__file__).parents[1])}
-    command = [sys.executable, *arguments]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    done = run_python(*arguments)
     return done.returncode, done.stdout.partition(".ipynb")[0], done.stderr
 
 

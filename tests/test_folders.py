@@ -6,20 +6,17 @@ import signal
 import socket
 import stat
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
+from conftest import run_python
 from jupyter_client.session import Session
 
-import himap
 from himap.app.kernels import LocalKernelManager
 from himap.core import files
 from himap.core.errors import InputError
 from himap.core.files import is_abandoned, run_folder, unfinished_name
-
-ROOT = str(Path(himap.__file__).parents[1])
 
 
 @pytest.fixture
@@ -88,10 +85,8 @@ def test_files_of_a_killed_run_go_at_the_next_start(fresh, monkeypatch, tmp_path
 
 def test_a_killed_process_is_followed_by_one_that_cleans(tmp_path):
     code = "import os, signal; from himap.core.files import run_folder; print(run_folder()); {}"
-    environment = os.environ | {"TMPDIR": str(tmp_path), "PYTHONPATH": ROOT}
     for end, status in (("os.kill(os.getpid(), signal.SIGKILL)", -signal.SIGKILL), ("pass", 0)):
-        done = subprocess.run([sys.executable, "-c", code.format(end)], env=environment, capture_output=True)
-        assert done.returncode == status
+        assert run_python("-c", code.format(end), TMPDIR=str(tmp_path)).returncode == status
         if len(os.fsencode(tmp_path)) < files._LONGEST:
             assert len(os.listdir(tmp_path)) == (status != 0)
 
@@ -156,9 +151,8 @@ def test_where_others_could_put_code_none_is_read(kept_in, tmp_path, fresh, monk
     assert kept_in() == run_folder() / "numba"
 
 
-def test_numba_follows(tmp_path):
+def test_numba_follows(tmp_path, monkeypatch):
     code = "from himap.removal.sdecgmca import scales; import numba; print(numba.config.CACHE_DIR)"
-    environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")}
-    environment |= {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": ROOT}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    done = run_python("-c", code, XDG_CACHE_HOME=str(tmp_path))
     assert done.stdout.strip() == str(tmp_path / "himap" / "numba")

@@ -64,7 +64,8 @@ def test_a_cluster_gets_all_cases_at_once(monkeypatch):
     assert most["observation"] == 4 and _held()["observation"] == 0
 
 
-def test_light_cones_come_first_and_no_more_at_once_than_the_memory_holds(monkeypatch):
+@pytest.mark.parametrize("fit", [1, 2])
+def test_light_cones_come_first_and_no_more_at_once_than_the_memory_holds(monkeypatch, fit):
     """In a process that makes one, no other is at work on what else an observation needs."""
     needed, order, make_all = estimate(SURVEY), [], cleaned.make_all
 
@@ -73,9 +74,9 @@ def test_light_cones_come_first_and_no_more_at_once_than_the_memory_holds(monkey
         return make_all(work, *args, at_once=at_once)
 
     monkeypatch.setattr(cleaned, "make_all", watched)
-    monkeypatch.setenv("HIMAP_MAX_MEMORY", f"{1.5 * max(needed.values()) / 1e9:.3f}GB")
+    monkeypatch.setenv("HIMAP_MAX_MEMORY", f"{(fit + 0.5) * max(needed.values()) / 1e9:.3f}GB")
     cleaned.make(CALLS[:4])
-    assert order == [({"hi_alms_of_sky"}, 1), ({"peak_masked"}, 1), ({"assessment"}, None)]
+    assert order == [({"hi_alms_of_sky"}, fit), ({"peak_masked"}, fit), ({"assessment"}, None)]
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])

@@ -1,13 +1,13 @@
 """What a run needs in memory, and the refusal of one that does not fit."""
 
 import shutil
-import subprocess
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from conftest import run_python
 
 from himap.core import memory
 from himap.core.errors import InputError
@@ -113,8 +113,7 @@ print(int(re.search(r"VmHWM:\\s*(\\d+)", status)[1]) * 1024, steps["HI light con
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the peak from /proc")
 def test_the_estimate_is_near_the_peak():
-    done = subprocess.run([sys.executable, "-c", PEAK], capture_output=True, text=True, check=True)
-    peak, expected = map(float, done.stdout.split())
+    peak, expected = map(float, run_python("-c", PEAK).stdout.split())
     assert 0.4 * expected < peak < 1.2 * expected
 
 

@@ -5,11 +5,10 @@ import os
 import pty
 import select
 import struct
-import subprocess
-import sys
 import termios
 
 import pytest
+from conftest import run_python
 
 from himap.core.progress import TERMINAL_VARIABLE, progress, progress_lines
 
@@ -87,4 +86,4 @@ def test_no_thread_looks_after_bars():
         "import threading; from himap.core.progress import progress; "
         "list(progress(range(3))); print(threading.active_count())"
     )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "1\n"
+    assert run_python("-c", code).stdout == "1\n"
