@@ -1,14 +1,16 @@
 """The benchmarks run, and compare with code that does the same work. No test reads a clock."""
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from sklearn import decomposition
 
+from benchmarks import __main__ as chain_of_steps
+from benchmarks import alternatives, methods, scaling, steps, whole
+from benchmarks.floors import Machine, Needs
+from benchmarks.measure import Measured, measured
 from himap import removal
 from himap.maps import sphere
 from himap.paper.methods import TABLE_1, paper_beams
@@ -16,13 +18,6 @@ from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
 from himap.removal.peaks import smooth_baselines
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
-
-from benchmarks import __main__ as chain_of_steps
-from benchmarks import alternatives, methods, scaling, steps, whole
-from benchmarks.floors import Machine, Needs
-from benchmarks.measure import Measured, measured
 
 TINY = {"nside": "8", "n_channels": "30", "box_cells": "16"}
 COMPARED = {"sdecgmca", "peak masking", "pca", "fastica", "gmca", "polynomial", "parametric"}

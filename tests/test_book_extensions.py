@@ -14,11 +14,6 @@ ROOT = Path(__file__).resolve().parents[1]
 ADDRESS = "https://github.com/somebody/himap"
 
 
-@pytest.fixture(autouse=True)
-def extensions(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
-
-
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory):
     """The rendered pages of one chapter and the changes, with an address of the repository."""

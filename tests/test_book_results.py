@@ -54,13 +54,22 @@ def markdown(name):
     return "\n\n".join(data["text/markdown"] for data in bundles if "text/markdown" in data)
 
 
+def shown_at_paper_size():
+    """Names of what the chapter shows: the ledgers, the one of a smoothed box, the folders of figures."""
+    chosen = {parameter.name: parameter.default for parameter in find("18_paper_size").parameters}
+    ledgers = [chosen["smaller"], f"claims_{chosen['real']}", chosen["ensemble"]]
+    return ledgers, chosen["smoothed"], [chosen["real"], chosen["synthetic"]]
+
+
 def test_the_chapters_show_what_is_stored_today():
-    ledgers = readable_ledgers()
+    names, with_smoothing, folders = shown_at_paper_size()
+    *ledgers, smoother = (read_ledger(RESULTS / f"{name}.json") for name in (*names, with_smoothing))
     shown, others = markdown("18_paper_size"), other_records(ledgers[0][1])
     sides = ledgers_table(ledgers, others=others)
-    of_the_box = [*ledgers[1:], read_ledger(RESULTS / f"{smoothed_ledger()}.json")]
-    smoothed = ledgers_table(of_the_box, lambda several: several[0].claim.id in ("B1", "B2", "B3", "D3"))
-    for expected in (verdicts_table(ledgers), sides, smoothed, pictures(stored_folders())):
+    smoothed = ledgers_table(
+        [*ledgers[1:], smoother], lambda several: several[0].claim.id in ("B1", "B2", "B3", "D3")
+    )
+    for expected in (verdicts_table(ledgers), sides, smoothed, pictures(folders)):
         assert expected in shown
     shown = markdown("19_scale")
     assert all(steps_table(read_stored(name)) in shown for name in ("steps_paper", "steps_laptop"))
@@ -152,35 +161,13 @@ def test_a_larger_survey_costs_what_the_exponents_say():
         assert number(cells[1]) == pytest.approx(row["minutes"], rel=0.06)
 
 
-def defaults():
-    """{parameter: its default} of the chapter at the paper's size."""
-    return {parameter.name: parameter.default for parameter in find("18_paper_size").parameters}
-
-
-def stored_ledgers():
-    chosen = defaults()
-    return [chosen["smaller"], f"claims_{chosen['real']}", chosen["ensemble"]]
-
-
-def smoothed_ledger():
-    return defaults()["smoothed"]
-
-
-def readable_ledgers():
-    return [read_ledger(RESULTS / f"{name}.json") for name in stored_ledgers()]
-
-
-def stored_folders():
-    chosen = defaults()
-    return [chosen["real"], chosen["synthetic"]]
-
-
 def test_all_that_is_stored_is_shown():
     others = {path.stem for path in RESULTS.glob("claims_laptop_*.json")}  # chapter 15 shows these
     assert others <= {f"claims_laptop_{place}" for place in ("letter", "code", "beam_subspace")}
     ledgers = [*RESULTS.glob("claims_*.json"), *RESULTS.glob("restarts_paper_*.json")]
-    assert {*stored_ledgers(), smoothed_ledger()} | others == {path.stem for path in ledgers}
-    assert set(stored_folders()) == {path.parent.name for path in RESULTS.glob("*/figures.json")}
+    names, with_smoothing, folders = shown_at_paper_size()
+    assert {*names, with_smoothing} | others == {path.stem for path in ledgers}
+    assert set(folders) == {path.parent.name for path in RESULTS.glob("*/figures.json")}
 
 
 MADE = {"preset": "ci", "galaxy": "synthetic", "seed": 1, "commit": "abc", "dirty": False, "seconds": 1.0}
@@ -238,14 +225,15 @@ def test_what_ledgers_have_in_common_is_said_once():
 
 
 def test_every_figure_is_shown_with_what_made_it():
-    text, folder = pictures(stored_folders()), ROOT / "notebooks"
+    *_, folders = shown_at_paper_size()
+    text, folder = pictures(folders), ROOT / "notebooks"
     shown = re.findall(r"^\[!\[(.+)\]\((.+)\)\]\(\2\)\n\n\*(.+)\*$", text, re.M)
     paths = [(folder / path).resolve() for _, path, _ in shown]
     assert len(paths) == len(set(paths)) and set(paths) == {*RESULTS.glob("*/*.png")}
     for alternative, path, made in shown:
         assert made in alternative and ("templates" in made) == ("paper_templates" in path)
     assert list(dict.fromkeys(re.findall(r"\*\*Fig\. ([\w.]+)\.\*\* ", text))) == sorted(PAPER)
-    for name in stored_folders():
+    for name in folders:
         for row in read_stored(f"{name}/figures")["figures"]:
             assert row["parameters"]["preset"] == "paper" and not row["execution"]["dirty"]
 

@@ -20,11 +20,6 @@ ROOT = Path(__file__).resolve().parents[1]
 CHAPTERS = notebooks(ROOT / "notebooks")
 
 
-@pytest.fixture(autouse=True)
-def extensions(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "book" / "_ext"))
-
-
 def head(chapter):
     """The lines of the quotation below the title."""
     first = next(cell.source for cell in chapter.node.cells if cell.cell_type == "markdown")

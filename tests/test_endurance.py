@@ -1,14 +1,10 @@
 """The counts of what kills and full disks do: right where nothing is lost, and where something is."""
 
 import random
-import sys
 from collections import Counter
 from copy import copy
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # benchmarks/ is not installed
 
 from benchmarks import endurance
 from benchmarks.places import Place
