@@ -113,8 +113,8 @@ def himap_command(tmp_path, monkeypatch):
     """Call the command in an empty folder; gives exit code, stdout and stderr."""
     monkeypatch.chdir(tmp_path)
 
-    def call(*arguments):
-        result = CliRunner().invoke(main, arguments)
+    def call(*arguments, **options):
+        result = CliRunner().invoke(main, arguments, **options)
         return result.exit_code, result.stdout, result.stderr
 
     return call

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from click.shell_completion import ShellComplete
-from click.testing import CliRunner
 from conftest import run_python
 
 import himap
@@ -38,8 +37,8 @@ if n_sources > 10:
 
 
 @pytest.fixture
-def himap_command(tmp_path, monkeypatch):
-    """Call the command in an empty folder; gives exit code, stdout and stderr."""
+def himap_command(himap_command, tmp_path, monkeypatch):
+    """The same, with two notebooks beside the empty folder."""
     (tmp_path / "notebooks").mkdir()
     for name in ("01_toy", "02_other"):
         (tmp_path / "notebooks" / f"{name}.py").write_text(TOY)
@@ -47,12 +46,7 @@ def himap_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "work")
     monkeypatch.setattr(notebooks, "_PACKAGE", tmp_path / "himap")
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
-
-    def call(*arguments, **options):
-        result = CliRunner().invoke(main, arguments, **options)
-        return result.exit_code, result.stdout, result.stderr
-
-    return call
+    return himap_command
 
 
 @pytest.fixture

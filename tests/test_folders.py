@@ -54,7 +54,6 @@ def test_links_and_folders_of_others_are_not_abandoned(tmp_path, ended, monkeypa
     theirs = folder(tmp_path, ended)
     monkeypatch.setattr("os.geteuid", lambda: 12345)
     assert not is_abandoned(theirs)
-    monkeypatch.undo()
 
 
 @pytest.fixture
