@@ -71,6 +71,14 @@ def run_python(*arguments, **variables):
 
 
 @pytest.fixture
+def ended():
+    """The number of a process that is no more."""
+    process = subprocess.Popen(["true"])
+    process.wait()
+    return process.pid
+
+
+@pytest.fixture
 def rng():
     return np.random.default_rng(12345)
 

@@ -5,7 +5,6 @@ import shutil
 import signal
 import socket
 import stat
-import subprocess
 import time
 from pathlib import Path
 
@@ -17,14 +16,6 @@ from himap.app.kernels import LocalKernelManager
 from himap.core import files
 from himap.core.errors import InputError
 from himap.core.files import is_abandoned, run_folder, unfinished_name
-
-
-@pytest.fixture
-def ended():
-    """The number of a process that is no more."""
-    process = subprocess.Popen(["true"])
-    process.wait()
-    return process.pid
 
 
 def folder(home, pid, host=None, prefix="himap"):

@@ -5,13 +5,11 @@ import os
 import resource
 import signal
 import socket
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from conftest import run_python
 
-import himap
 from himap.core.errors import InputError
 from himap.core.files import atomic_files, check_free, complete_abandoned
 
@@ -38,9 +36,7 @@ with files.atomic_files(*{names}) as files:
 
 def killed(after):
     """A process that writes `NAMES` here and is killed after so many renames, the list of them included."""
-    code = KILLED.format(after=after, names=NAMES)
-    environment = os.environ | {"PYTHONPATH": str(Path(himap.__file__).parents[1])}
-    done = subprocess.run([sys.executable, "-c", code], env=environment)
+    done = run_python("-c", KILLED.format(after=after, names=NAMES))
     assert done.returncode == (-signal.SIGKILL if after < 4 else 0)
 
 
@@ -80,12 +76,10 @@ def test_what_is_being_written_is_left_alone(tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["a", "b"]
 
 
-def test_a_list_renames_nothing_elsewhere(tmp_path):
+def test_a_list_renames_nothing_elsewhere(tmp_path, ended):
     """A folder that somebody laid there, with paths that lead out of it."""
     (tmp_path / "victim").write_text("mine")
-    process = subprocess.Popen(["true"])
-    process.wait()
-    left = tmp_path / "home" / f".himap-{socket.gethostname()}-{process.pid}-0123abcd"
+    left = tmp_path / "home" / f".himap-{socket.gethostname()}-{ended}-0123abcd"
     left.mkdir(parents=True)
     (left / "victim").write_text("theirs")
     (left / ".whole").write_text('["../victim"]')
