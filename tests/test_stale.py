@@ -33,7 +33,7 @@ FITTED = {"07"} | ALL_SIX | ANY_METHOD
 NUMBERS = {
     ("removal/polynomial.py", "Polynomial._separate"): FITTED,
     ("removal/gnilc.py", "GNILC._separate"): ANY_METHOD,
-    ("core/registry.py", "Registry.create"): ANY_METHOD | ANY_BEAM,
+    ("removal/__init__.py", "create"): ANY_METHOD,
     ("instrument/beams/meerkat.py", "MeerKAT._fwhm"): ANY_BEAM,
     ("instrument/noise.py", "noise_sigma"): SKIES - {"01"} | STORED,
     ("paper/claims/base.py", "frequency_band"): CLAIMED,

@@ -9,7 +9,11 @@ from himap.removal.base import REGISTRY
 __all__ = ["available", "create", "describe", "using"]
 
 _METHODS = Registry("method", __name__, __path__, REGISTRY)
-available, create, __getattr__ = _METHODS.names, _METHODS.create, _METHODS.attribute
+
+
+def available():
+    """Names of the methods, sorted."""
+    return _METHODS.names()
 
 
 def describe(name):
@@ -22,3 +26,18 @@ def describe(name):
 def using(what):
     """Names of the methods that use something, such as "weights" (`ForegroundRemover.uses`)."""
     return [name for name in available() if what in REGISTRY[name].uses]
+
+
+def create(name, **parameters):
+    """The method called `name`, a `ForegroundRemover`.
+
+    Raises
+    ------
+    InputError
+        An unknown name or parameter (the message lists what exists), or a bad value.
+    """
+    return _METHODS.create(name, **parameters)
+
+
+def __getattr__(name):
+    return _METHODS.attribute(name)

@@ -16,7 +16,16 @@ from himap.instrument.beams.base import REGISTRY
 __all__ = ["available", "create", "named"]
 
 _BEAMS = Registry("beam", __name__, __path__, REGISTRY)
-available, create, __getattr__ = _BEAMS.names, _BEAMS.create, _BEAMS.attribute
+
+
+def available():
+    """Names of the beams, sorted."""
+    return _BEAMS.names()
+
+
+def create(name, **parameters):
+    """The beam called `name`, a `Beam`; raises InputError for an unknown name, parameter or value."""
+    return _BEAMS.create(name, **parameters)
 
 
 def named(text):
@@ -51,3 +60,7 @@ def named(text):
             with suppress(ValueError):  # of what is no number the beam says what it must be
                 values[key.lower()] = json.loads(value)
     return create(name, **values)
+
+
+def __getattr__(name):
+    return _BEAMS.attribute(name)
