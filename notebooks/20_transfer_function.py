@@ -428,11 +428,13 @@ show_table(rows, columns=4)
 #   residual the estimate holds, so the whole of what was subtracted is quoted, and added in quadrature. That is
 #   too cautious for BeamSubspace at `ci`, and does not help SmoothSpectra at `quick`, from whose spectra hardly
 #   anything was subtracted.
-# - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` and `foreground` in the
-#   unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
-#   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
-#   bands than mocks. There `systematic` is the change of the result by one source more; quote it with the
-#   error bar.
+# - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) and
+#   `one_more` (the change by one source more) in the unit of the spectrum; the columns `error_1` and so on have
+#   the error of each mock, and `himap.measures.bootstrap.covariance` gives their covariance between bands. It
+#   can be inverted for fewer bands than mocks.
+# - **What is lost entirely comes from the mocks alone.** Where the transfer function is far from one, data whose
+#   HI is smoother in frequency than that of the mocks have lost more than the mocks say, and no error bar here
+#   knows it. Mocks of your own (`--mocks FILE`) are the way out.
 # - **Sample variance and noise are not in these error bars**, because the truth is that of the same sky. The
 #   commands below list them separately.
 #

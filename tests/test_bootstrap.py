@@ -153,9 +153,12 @@ class TestExplains:
         assert found.explains(power_of(cleaned), power_of(cleaned.with_one_more)) == explained
 
     @pytest.mark.parametrize("n_mocks", [4, 12, 48])
-    @pytest.mark.parametrize("bars, explained", [(0.5, True), (2.0, False)])
+    @pytest.mark.parametrize("bars, explained", [(0.5, True), (2.0, False), (-2.0, True)])
     def test_foreground_counts_from_one_error_bar(self, rng, n_mocks, bars, explained):
-        """Whatever the number of mocks: what one source more removes is known far better than the bars."""
+        """Whatever the number of mocks: what one source more removes is known far better than the bars.
+
+        Less than from the members is HI fainter than theirs, no foreground.
+        """
 
         def flat(value):
             return HarmonicPower(power=np.full((30, 5), value), n_channels=8, channel_width=1.0)

@@ -1,6 +1,7 @@
 """What cleaning takes of a cube of one's own, and how it is corrected, in Python and on the command line."""
 
 import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -185,6 +186,17 @@ class TestMeasured:
         assert not both["angular"].explained and both["angular"].n_sources == 2
         first, second = remarks_on(both, 1)
         assert "corrected with 2" in first and "residual with 2 sources too" in second and "suggest" in second
+
+    @pytest.mark.parametrize(("scale", "n_mocks", "said"), [(2.0, 6, True), (1.0, 6, False), (2.0, 2, False)])
+    def test_mocks_unlike_the_data(self, cube, rng, scale, n_mocks, said):
+        """Of four times the power; two mocks are too few to tell."""
+        cleaned = clean_cube(cube, "pca", n_sources=2, peaks=False)
+        mocks = (blue(rng, scale) for _ in range(n_mocks))
+        both = correct(measure_transfer(cleaned, mocks), spectra_of(cleaned))
+        remarks = " ".join(remarks_on(both, 2))
+        assert ("not that of the mocks" in remarks) == said
+        assert not said or re.search(r"C\(l\), l 5-9: 0\.2\d?\b", remarks)
+        assert both["angular"].expected[3:10] == pytest.approx(scale**2 / (6 + np.arange(7)), rel=0.3)
 
     def test_one_mock_has_no_error_bar(self, cleaned, rng):
         both = correct(measure_transfer(cleaned, [blue(rng)]), spectra_of(cleaned))

@@ -6,7 +6,7 @@ import pandas as pd
 from himap.cubes.report import figure, panel
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
-from himap.measures.bootstrap import covariance
+from himap.measures.bootstrap import LEVEL, chance_of, covariance
 from himap.measures.diagnostics import bands
 
 HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample", "one source more")
@@ -14,6 +14,9 @@ HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sampl
 
 HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "pull with systematic")
 """Further ones where there is a truth."""
+
+
+_LOST = 0.01  # of the power, that mocks of other HI than the data have to be said for
 
 
 def remarks_on(corrected, n_sources):
@@ -29,9 +32,35 @@ def remarks_on(corrected, n_sources):
     if not one.explained:
         remarks.append(
             f"There is foreground residual with {one.n_sources} sources too, and in the corrected spectra: "
-            "remove more (`himap suggest` says how many)."
+            "remove more (`himap suggest` says how many); or HI smoother in frequency than that of the mocks."
+        )
+    if ratios := _contradictions(corrected):
+        shown = ", ".join(f"{name}: {ratio:.2g}" for name, ratio in ratios.items())
+        remarks.append(
+            f"The corrected power is not that of the mocks (over it, in {shown}). Power that is lost "
+            "entirely is known from the mocks alone, so the correction is as wrong as they are: give mocks "
+            "like the data (--mocks FILE)."
         )
     return remarks
+
+
+def _contradictions(corrected):
+    """{band: corrected power over that of the mocks} where they differ at `LEVEL`, by all errors together.
+
+    Where there may be foreground residual in the corrected power, only where that is fainter.
+    """
+    places, ratios = bands(corrected["angular"].x, corrected["frequency"].x), {}
+    for name, (kind, inside) in places.items():
+        one, weights = corrected[kind], [inside / inside.sum()]
+        n_mocks = len(one.sample)
+        mean, *others = (part[inside].mean() for part in (one.corrected, one.expected, one.systematic))
+        expected, systematic = np.array(others) / mean
+        sample = one.sigma(weights, "sample")[0] * expected * np.sqrt(1 + 1 / n_mocks)
+        sigma = np.linalg.norm([one.sigma(weights)[0], systematic, sample])
+        chance = len(places) * chance_of(abs(1 - expected) / sigma, n_mocks)
+        if one.share[inside].mean() < 1 - _LOST and chance < LEVEL and (one.explained or expected > 1):
+            ratios[plain_band(name)] = 1 / expected
+    return ratios
 
 
 def corrected_table(corrected):
@@ -110,6 +139,7 @@ def corrected_parts(corrected):
         curves += [(one.x, edge, thin) for edge in edges if np.isfinite(edge).all()]
         if one.knows_truth:
             curves.append((one.x, one.truth, {"label": "truth", "color": "black", "linestyle": ":"}))
+        curves.append((one.x, one.expected, {"label": "mocks", "color": styles.BLUE, "linewidth": 0.8}))
         panels.append(panel(kind, curves))
         share = [(one.x, one.share, {"color": styles.BLUE})]
         shares.append(panel(kind, share, ylabel="$T$", yscale="linear", ylim=(0, 1.1)))
@@ -123,16 +153,17 @@ def write_spectra(corrected, path, scatter=None):
 
     Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), and of `Corrected` ``residual``
     (mK^2, or mK^2 MHz), ``transfer_function``, ``corrected``, ``sigma`` and ``sample`` (both relative),
-    ``foreground``, ``systematic``, ``one_more``, ``truth`` (as ``residual``); for each mock also ``error_1``
-    and so on, of which `himap.measures.bootstrap.covariance` is the relative covariance of lines or of means
-    over them; of the `Scatter` of restarts also its `columns`.
+    ``expected``, ``foreground``, ``systematic``, ``one_more``, ``truth`` (as ``residual``); for each mock
+    ``error_1`` and so on, of which `himap.measures.bootstrap.covariance` is the relative covariance of lines
+    or of means over them; of the `Scatter` of restarts also its `columns`.
     """
     tables = []
     for kind, one in corrected.items():
         each = np.eye(len(one.x))
         columns = {"residual": one.residual, "transfer_function": one.share, "corrected": one.corrected}
         columns |= {"sigma": one.sigma(each), "sample": one.sigma(each, "sample")}
-        columns |= {name: getattr(one, name) for name in ("foreground", "systematic", "one_more", "truth")}
+        names = "expected", "foreground", "systematic", "one_more", "truth"
+        columns |= {name: getattr(one, name) for name in names}
         columns |= {f"error_{n}": errors for n, errors in enumerate(one.errors, 1)}
         columns |= {} if scatter is None else scatter.columns(kind, one.x)
         tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))

@@ -37,6 +37,8 @@ class Corrected:
         Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
     sample
         Power of each mock over their mean, less 1, (n_mocks, n): sample variance and noise, in no error bar.
+    expected
+        The mean power of the mocks in the place of `corrected`.
     systematic
         What was estimated from the mocks as foreground residual and subtracted, over the transfer function,
         in the unit of the spectrum. Nothing in the data says how good this estimate is, so it is the
@@ -59,6 +61,7 @@ class Corrected:
     corrected: np.ndarray
     errors: np.ndarray
     sample: np.ndarray
+    expected: np.ndarray
     systematic: np.ndarray
     foreground: np.ndarray | None = None
     one_more: np.ndarray | None = None
@@ -210,6 +213,7 @@ def correct(measured, spectra, truth=None):
             one,
             residual=shown[kind][inside],
             corrected=one.corrected * scale,
+            expected=one.expected * scale,
             systematic=one.systematic * scale,
             foreground=(own.corrected + own.systematic) * own_scale - one.corrected * scale,
             one_more=(one.corrected - more.corrected) * scale,
@@ -241,5 +245,6 @@ def _in_bins(kind, x, transfer, power):
         corrected=bins @ corrected[known],
         errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
         sample=transfer.sample(kind)[:, known] @ bins.T,
+        expected=bins @ np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)[known],
         systematic=bins @ transfer.foreground(kind)[known],
     )

@@ -18,7 +18,7 @@ KINDS = "angular", "frequency"
 """Of power spectra."""
 
 LEVEL = 0.01
-"""Of the test for foreground residual (`Bootstrap.explains`)."""
+"""Of the test for foreground residual (`Bootstrap.explains`), and of that for data unlike the mocks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +39,9 @@ class Bootstrap:
         """Whether the estimated foreground is complete, by the next source of the data.
 
         The power that one source more removes from the data, in bands, is compared with what it removes from
-        the members, where it is HI. There is foreground residual if a band differs by more than an error bar,
-        and at `LEVEL`, by Student's distribution and Bonferroni's correction for many bands.
+        the members, where it is HI. There is foreground residual if it is more by more than an error bar, and
+        at `LEVEL`, by Student's distribution and Bonferroni's correction for many bands; or the data have HI
+        that is smoother in frequency than that of the members.
 
         Parameters
         ----------
@@ -59,9 +60,9 @@ class Bootstrap:
         removed = self.own.mocks[0].band_means(removed)
         errors = self.own.mocks[0].band_means({kind: self.own.errors(kind) for kind in KINDS})
         for band, (*members, data) in removed.items():
-            excess = abs(data - np.mean(members))
+            excess = data - np.mean(members)
             scatter = np.std(members, ddof=1) * np.sqrt(1 + 1 / n_mocks)
-            chance = 2 * stats.t.sf(excess / max(scatter, np.finfo(float).tiny), n_mocks - 1)
+            chance = stats.t.sf(excess / max(scatter, np.finfo(float).tiny), n_mocks - 1)
             if excess > sigma(errors[band]) and chance * len(removed) < LEVEL:
                 return False
         return True
@@ -86,6 +87,11 @@ def sigma(errors):
     Their root mean square times Student's factor: a Gaussian is wider than few of its draws suggest.
     """
     return _student(len(errors)) * np.sqrt(np.mean(np.square(errors), axis=0))
+
+
+def chance_of(n_sigma, n_mocks):
+    """The probability of a difference of so many error bars, or more, that are a `sigma` of `n_mocks`."""
+    return 2 * stats.t.sf(n_sigma * _student(n_mocks), n_mocks - 1)
 
 
 def covariance(errors):
