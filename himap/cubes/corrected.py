@@ -9,10 +9,10 @@ from himap.figures.tables import Table
 from himap.measures.bootstrap import LEVEL, chance_of, covariance
 from himap.measures.diagnostics import bands
 
-HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample", "one source more")
+HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample", "one more")
 """Columns of `corrected_table`."""
 
-HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "pull with systematic")
+HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "total pull")
 """Further ones where there is a truth."""
 
 
@@ -67,8 +67,8 @@ def corrected_table(corrected):
     """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`.
 
     Error bar, systematic error, sample variance and the change by one source more are relative to the
-    corrected power. The pull is (corrected - truth) / error bar, without and with the systematic error added
-    in quadrature.
+    corrected power. The pull is (corrected - truth) / error bar; of the total pull this has the systematic
+    error too, in quadrature.
     """
     knows = corrected["angular"].knows_truth
     rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
@@ -76,17 +76,16 @@ def corrected_table(corrected):
         one, weights = corrected[kind], [inside / inside.sum()]
         ((bar,), (sample,)) = one.sigma(weights), one.sigma(weights, "sample")
         mean = one.corrected[inside].mean()
+        systematic = abs(one.systematic[inside].mean() / mean)
         row = [plain_band(name), f"{one.share[inside].mean():.4f}"]
         row += [f"{mean / one.residual[inside].mean():.4f}"]
         row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
-        systematic = abs(one.systematic[inside].mean() / mean)
-        row += [f"{systematic:.2%}", f"{sample:.2%}" if np.isfinite(sample) else "–"]
-        row += [f"{one.one_more[inside].mean() / mean:+.2%}"]
+        row += [f"{systematic:.2%}", f"{sample:.2%}", f"{one.one_more[inside].mean() / mean:+.2%}"]
         if knows:
             ratios = [np.mean(power[inside] / one.truth[inside]) for power in (one.residual, one.corrected)]
             pulls = [(ratios[1] - 1) / sigma for sigma in (bar, np.hypot(bar, systematic))]
             row += [*map("{:.4f}".format, ratios), *map("{:+.1f}".format, pulls)]
-        rows.append(row)
+        rows.append(["–" if "nan" in cell else cell for cell in row])
     return Table(header, rows, align="l" + "r" * (len(header) - 1))
 
 

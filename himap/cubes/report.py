@@ -23,7 +23,8 @@ body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto
 img { max-width: 100%; background: white; border-radius: 4px; }
 .himap-table { overflow-x: auto; }
 table { border-collapse: collapse; }
-td, th { padding: .2rem .8rem .2rem 0; }
+td, th { padding: .2rem .5rem .2rem 0; }
+td:first-child, th:first-child { white-space: nowrap; }
 figure { margin: 1.5rem 0; } figcaption { font-size: .9rem; opacity: .85; }
 """
 _WIDE = np.deg2rad(20)  # across an image: at its edge an angle is half a percent off the plane
