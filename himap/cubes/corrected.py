@@ -16,7 +16,7 @@ HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "total pull"
 """Further ones where there is a truth."""
 
 
-_LOST = 0.01  # of the power, that mocks of other HI than the data have to be said for
+_LOST = 0.01  # of the power: where less is lost, mocks unlike the data do no harm
 
 
 def remarks_on(corrected, n_sources):
@@ -38,8 +38,8 @@ def remarks_on(corrected, n_sources):
         shown = ", ".join(f"{name}: {ratio:.2g}" for name, ratio in ratios.items())
         remarks.append(
             f"The corrected power is not that of the mocks (over it, in {shown}). Power that is lost "
-            "entirely is known from the mocks alone, so the correction is as wrong as they are: give mocks "
-            "like the data (--mocks FILE)."
+            "entirely is known from the mocks alone: if theirs has another shape, the correction is wrong. "
+            "Give mocks like the data (--mocks FILE)."
         )
     return remarks
 

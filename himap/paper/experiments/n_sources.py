@@ -1,8 +1,6 @@
 """How often criteria that do not use the truth find the right number of sources, and what others cost."""
 
 from dataclasses import replace
-from itertools import groupby
-from operator import attrgetter
 
 import numpy as np
 import pandas as pd
@@ -79,7 +77,9 @@ def measure(sky):
     """Recommendations of every criterion for every case and method of a `Sky`, and the best number."""
     rows = []
     for case, every in sky.methods.items():
-        by_name = {name: tuple(several) for name, several in groupby(every, key=attrgetter("name"))}
+        by_name = {}
+        for remover in every:
+            by_name[remover.name] = (*by_name.get(remover.name, ()), remover)
         work = [(minka, (case,))]
         for removers in by_name.values():
             work += [(made, (case, one)) for made in (own_recovery, cleaned.assessment) for one in removers]
