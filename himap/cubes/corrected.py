@@ -15,7 +15,6 @@ HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sampl
 HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "total pull")
 """Further ones where there is a truth."""
 
-
 _LOST = 0.01  # of the power: where less is lost, mocks unlike the data do no harm
 
 
@@ -44,6 +43,13 @@ def remarks_on(corrected, n_sources):
     return remarks
 
 
+def _with_errors(one, inside):
+    """Mean corrected power in a band; relative to it the error bar, systematic error and sample variance."""
+    weights, mean = [inside / inside.sum()], one.corrected[inside].mean()
+    systematic = abs(one.systematic[inside].mean() / mean)
+    return mean, one.sigma(weights)[0], systematic, one.sigma(weights, "sample")[0]
+
+
 def _contradictions(corrected):
     """{band: corrected power over that of the mocks} where they differ at `LEVEL`, by all errors together.
 
@@ -51,12 +57,10 @@ def _contradictions(corrected):
     """
     places, ratios = bands(corrected["angular"].x, corrected["frequency"].x), {}
     for name, (kind, inside) in places.items():
-        one, weights = corrected[kind], [inside / inside.sum()]
-        n_mocks = len(one.sample)
-        mean, *others = (part[inside].mean() for part in (one.corrected, one.expected, one.systematic))
-        expected, systematic = np.array(others) / mean
-        sample = one.sigma(weights, "sample")[0] * expected * np.sqrt(1 + 1 / n_mocks)
-        sigma = np.linalg.norm([one.sigma(weights)[0], systematic, sample])
+        one, n_mocks = corrected[kind], len(corrected[kind].sample)
+        mean, bar, systematic, sample = _with_errors(one, inside)
+        expected = one.expected[inside].mean() / mean
+        sigma = np.linalg.norm([bar, systematic, sample * expected * np.sqrt(1 + 1 / n_mocks)])
         chance = len(places) * chance_of(abs(1 - expected) / sigma, n_mocks)
         if one.share[inside].mean() < 1 - _LOST and chance < LEVEL and (one.explained or expected > 1):
             ratios[plain_band(name)] = 1 / expected
@@ -73,10 +77,8 @@ def corrected_table(corrected):
     knows = corrected["angular"].knows_truth
     rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
     for name, (kind, inside) in bands(corrected["angular"].x, corrected["frequency"].x).items():
-        one, weights = corrected[kind], [inside / inside.sum()]
-        ((bar,), (sample,)) = one.sigma(weights), one.sigma(weights, "sample")
-        mean = one.corrected[inside].mean()
-        systematic = abs(one.systematic[inside].mean() / mean)
+        one = corrected[kind]
+        mean, bar, systematic, sample = _with_errors(one, inside)
         row = [plain_band(name), f"{one.share[inside].mean():.4f}"]
         row += [f"{mean / one.residual[inside].mean():.4f}"]
         row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
