@@ -30,7 +30,8 @@ def seen(monkeypatch):
         rows = []
         for sky in skies:
             found = {"D1": finding((REPRODUCED, IN_PART)[sky.survey.seed % 2]), "N1": finding(FAILED)}
-            rows += [{"seed": sky.survey.seed} | row for row in finding_rows(found, 0)]
+            for restart in {one.restart for one in sky.members}:
+                rows += [{"seed": sky.survey.seed} | row for row in finding_rows(found, restart)]
         return self.frame(rows)
 
     monkeypatch.setattr(Experiment, "table", table)
@@ -122,7 +123,7 @@ class TestCheckAndGrow:
     def test_one_sky_again(self, written, seen):
         code, out, err = written(*CLAIMS, "--check", "a.json")
         assert (code, err) == (0, "") and len(seen[-1]) == 1
-        assert out == "a.json: 4 rows of one sky are the same with today's code.\n"
+        assert out == "a.json: 8 rows of one sky are the same with today's code.\n"
         record = stored("a.json")
         assert len(record.seeds) == 2 and record.about["checked"]["code"] == measuring_code("claims")
 
@@ -177,6 +178,25 @@ class TestCheckAndGrow:
         assert dict(record.about["overrides"])["n_realisations"] == 4
         assert written(*CLAIMS, "--grow", "a.json", "-p", "n_realisations=4")[0] == 0 and len(seen) == 3
 
+    def test_only_the_restarts_that_are_missing(self, written, seen):
+        grow = (*CLAIMS, "--grow", "a.json", "-p", "n_realisations=3", "-p", "n_restarts=4")
+        assert written(*grow)[::2] == (0, "")
+        first, *_ = stored("a.json").seeds
+        measured = [(sky.survey.seed, [one.restart for one in sky.members]) for [sky] in seen[1:]]
+        assert measured == [(first, [2, 3]), (first + 1, [2, 3]), (first + 2, [0, 1, 2, 3])]
+        record = stored("a.json")
+        assert dict(record.about["overrides"])["n_restarts"] == 4
+        assert (record.rows.groupby("seed")["restart"].nunique() == 4).all()
+        assert written(*grow)[0] == 0 and len(seen) == 4
+        assert written(*CLAIMS, "--check", "a.json")[::2] == (0, "")  # the order of rows is another
+
+    def test_where_a_restart_is_not_measured_by_itself(self, himap_command, monkeypatch):
+        row = {"restart": 0, "quantity": "change", "x": 150.0, "value": 0.1}
+        monkeypatch.setattr(Experiment, "table", lambda self, skies: self.frame([{"seed": 2025} | row]))
+        assert himap_command("measure", "authors", "-p", "n_restarts=1", "-o", "a.json")[0] == 0
+        code, _, err = himap_command("measure", "authors", "--grow", "a.json", "-p", "n_restarts=2")
+        assert code == 2 and "has 1 restarts of every sky: give n_restarts=1." in err
+
     def test_what_is_measured_stays(self, written, monkeypatch):
         table = Experiment.table
 
@@ -195,6 +215,8 @@ class TestCheckAndGrow:
         [
             (["--grow", "a.json", "-p", "plane_weight=0.2"], "other parameters (plane_weight)"),
             (["--grow", "a.json", "-p", "seed=7"], "other parameters (seed)"),
+            (["--grow", "a.json", "-p", "n_restarts=1"], "give n_restarts=2 or more"),
+            (["--check", "a.json", "-p", "n_restarts=3"], "other parameters (n_restarts)"),
             (["--check", "a.json", "-p", "seed=7"], "other parameters (seed)"),
             (["--check", "a.json", "--preset", "quick"], "other parameters (preset)"),
         ],

@@ -20,11 +20,13 @@ from himap.paper.readings import (
     BANDS,
     COLUMNS,
     Reading,
+    candidate_counts,
     candidates,
     charity,
     outcomes,
     ranked_candidates,
     readings,
+    shares_first,
 )
 from himap.paper.readings_table import candidates_table
 from himap.paper.realisation import Realisation
@@ -186,10 +188,30 @@ class TestDefault:
         assert ranked_candidates(found | {"code": self.outcome(0.4, 0.9)})[0][0] == "code"
         single = next(label for label, one in readings().items() if label not in candidates() and one.changed)
         assert ranked_candidates(found | {single: self.outcome(1, 1)})[0] == best  # no candidate
-        table = candidates_table(found, {7: found, 8: found | {"letter": self.outcome(0.5, 1)}})
-        assert table["candidate"].tolist()[0] == "letter" and table["which"][0] == "none"
-        assert table["statements on SD that hold"].tolist() == ["1.2", "1.2", "1.0"]
-        assert table["on the skies 7, 8"].tolist() == ["1.2, 1.5", "1.2, 1.2", "1.0, 1.0"]
+
+    def test_counts_by_sky_and_how_often_each_is_first(self):
+        held = {"code": (True, True, True), "letter": (True, True, False), "follow-up": (False, False, False)}
+        empty = dict.fromkeys(restarts.EXPERIMENT.columns) | {"n_sources": 0, "restart": 0, "quantity": "D1"}
+        empty |= {"part": "a", "method": "SD", "main": True}
+        rows = [
+            empty | {"seed": seed, "reading": label, "held": one}
+            for label, several in held.items()
+            for seed, one in zip((7, 8, 9), several, strict=True)
+        ]
+        numbers = {"case": "oscillating", "quantity": "mean error", "value": 0.02}
+        rows += [empty | {"seed": 7, "reading": label} | numbers for label in held]
+        rows = restarts.EXPERIMENT.frame(rows)
+        counts = candidate_counts(rows)
+        assert counts.loc[[7, 8, 9], [*held]].to_numpy().T.tolist() == [[1, 1, 1], [1, 1, 0], [0, 0, 0]]
+        first = shares_first(counts)
+        # Both are equal where the sky 9 was not drawn: (2 / 3)^3 of the resamples.
+        assert first["letter"] == pytest.approx((2 / 3) ** 3 / 2, abs=0.03)
+        assert first["follow-up"] == 0 and first.sum() == pytest.approx(1)
+        table = candidates_table(rows)
+        assert table["candidate"].tolist() == ["code", "letter", "follow-up"]
+        assert table["statements on SD that hold"].tolist() == ["1.0", "0.7", "0.0"]
+        assert table["on the skies 7, 8, 9"].tolist() == ["1.0, 1.0, 1.0", "1.0, 1.0, 0.0", "0.0, 0.0, 0.0"]
+        assert table["which"][1] == "none" and table["first"][2] == "0 %"
 
     def test_a_record_of_restarts_is_judged_by_what_it_has_of_the_oscillating_beam(self):
         empty = dict.fromkeys(restarts.EXPERIMENT.columns) | {"seed": 7, "n_sources": 0}

@@ -211,3 +211,30 @@ def ranked_candidates(outcomes):
         if label in candidates() or label == "default"
     ]
     return sorted(ranked, key=lambda row: (-round(row[1], 9), row[2]))
+
+
+def candidate_counts(rows):
+    """`charity` of each candidate on each sky, a DataFrame: a row for each seed, a column for each label."""
+    by_sky = {seed: ranked_candidates(outcomes(some)) for seed, some in rows.groupby("seed")}
+    return pd.DataFrame({seed: {label: count for label, count, _ in one} for seed, one in by_sky.items()}).T
+
+
+def shares_first(counts, n_resamples=2000):
+    """In which share of bootstrap resamples of the skies each candidate has the highest mean count.
+
+    Parameters
+    ----------
+    counts
+        What `candidate_counts` gives.
+
+    Returns
+    -------
+    Series
+        Of each label; several that are equal share a resample.
+    """
+    weights = np.random.default_rng(0).multinomial(
+        len(counts), np.full(len(counts), 1 / len(counts)), n_resamples
+    )
+    means = weights @ counts.to_numpy()
+    first = np.isclose(means, means.max(axis=1, keepdims=True))
+    return pd.Series((first / first.sum(axis=1, keepdims=True)).mean(axis=0), counts.columns)

@@ -5,7 +5,16 @@ import math
 import pandas as pd
 
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
-from himap.paper.readings import BANDS, candidates, charity, ranked_candidates, readings
+from himap.paper.readings import (
+    BANDS,
+    candidate_counts,
+    candidates,
+    charity,
+    ranked_candidates,
+    readings,
+    shares_first,
+)
+from himap.paper.readings import outcomes as outcomes_of
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "does not apply"
@@ -90,24 +99,27 @@ def insensitive_claims(outcomes):
     return [claim for claim in CLAIMS if len(versions.get(claim, ())) == 1]
 
 
-def candidates_table(outcomes, by_sky):
+def candidates_table(rows):
     """A DataFrame of texts with a row for each candidate for the default, the most charitable first.
 
-    `outcomes` are of all skies, `by_sky` those of each, {seed: outcomes}.
+    `rows` are those of a record of restarts.
     """
-    known = readings() | candidates()
-    counts = [{label: count for label, count, _ in ranked_candidates(one)} for one in by_sky.values()]
+    known, judged, counts = readings() | candidates(), outcomes_of(rows), candidate_counts(rows)
+    first = shares_first(counts)
     return pd.DataFrame(
         {
             "candidate": known[label].title,
             "statements on SD that hold": f"{count:.1f}",
-            f"on the skies {', '.join(map(str, by_sky))}": ", ".join(f"{one[label]:.1f}" for one in counts),
+            f"on the skies {', '.join(map(str, counts.index))}": ", ".join(
+                map("{:.1f}".format, counts[label])
+            ),
+            "first": f"{100 * first[label]:.0f} %",
             "departures from the text": f"{distance}",
             "which": ", ".join(f"{name} = {value}" for name, value in known[label].departures.items())
             or "none",
-            "fails": outcomes[label].fails,
+            "fails": judged[label].fails,
         }
-        for label, count, distance in ranked_candidates(outcomes)
+        for label, count, distance in ranked_candidates(judged)
     )
 
 

@@ -24,7 +24,7 @@ from himap.store.provenance import Provenance, environment
 _FORMAT = 3
 _DIGITS = 6  # of a number: far more than two machines agree on
 _TOLERANCE = 1e-3  # of numbers that are measured again: relative, and absolute below 1
-_SKIES = "n_realisations"  # how much is measured, not how
+_SKIES, _RESTARTS = "n_realisations", "n_restarts"  # how much is measured, not how
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +62,9 @@ class Experiment:
     prepare
         Function that makes what some skies need before they are measured: one after the other, or all at
         once on a cluster that shares the work.
+    other_restarts
+        Function from a sky and a set of restarts to that sky without these, or None where it has no other;
+        None where a restart is not measured by itself.
     """
 
     name: str
@@ -77,6 +80,7 @@ class Experiment:
     words: tuple = ()
     remark: Callable = lambda sky: ""
     prepare: Callable = lambda skies: None
+    other_restarts: Callable | None = None
 
     def table(self, skies):
         """Rows of some skies, a DataFrame with the columns of the experiment, "seed" first.
@@ -218,43 +222,65 @@ class Record:
         self.check_parameters(about)
         seed = int(rows["seed"].iloc[0])
         columns = [name for name in rows if name not in self.experiment.words]
-        stored = self.rows.loc[self.rows["seed"] == seed, columns].reset_index(drop=True)
+        stored, rows = (  # where restarts were added, rows are in another order
+            table.sort_values(list(self.experiment.key), kind="stable", ignore_index=True)
+            for table in (self.rows[self.rows["seed"] == seed], rows.assign(drawn=drawn))
+        )
         if len(stored) != len(rows):
             raise InputError(
                 f"the record has {len(stored)} rows of the seed {seed}, {len(rows)} were measured: give the "
                 "parameters that it was made with."
             )
         named = {"seed", *self.experiment.key}
+        drawn = rows["drawn"].to_numpy()
         differing = [~_agree(stored[name], rows[name]) & ~(drawn & (name not in named)) for name in columns]
         moved_rows = np.any(differing, axis=0)
         if moved_rows.any():
             first = moved_rows.argmax()
             raise InputError(
                 f"{moved_rows.sum()} of {len(stored)} rows of the seed {seed} have changed, such as "
-                f"{stored.iloc[first].to_dict()}, now {rows[columns].iloc[first].to_dict()}; measure all of "
-                "it again."
+                f"{stored[columns].iloc[first].to_dict()}, now {rows[columns].iloc[first].to_dict()}; "
+                "measure all of it again."
             )
         now = environment()
         checked = {"code": about["code"], "commit": now["commit"], "dirty": now["dirty"]}
         return replace(self, about={**self.about, "checked": checked})
 
-    def missing(self, seeds, about):
-        """Those of some seeds whose sky the record does not have, a list.
+    def missing(self, skies, about):
+        """What of some skies the record does not have, a list: skies, and restarts of those that it has.
 
         Raises
         ------
         InputError
-            It was made with other parameters or by other code than `about` says.
+            It was made with other parameters or by other code than `about` says, or with another number of
+            restarts where one cannot be measured without the others.
         """
-        self.check_parameters(about)
+        self.check_parameters(about, amounts=(_SKIES, _RESTARTS))
         if all(moved(code, about["code"]) for code in self.codes):
             raise InputError("the record was made by other code; see with --check if that gives the same.")
-        return [seed for seed in seeds if seed not in self.seeds]
+        recorded, given = (dict(made["overrides"]).get(_RESTARTS) for made in (self.about, about))
+        one_by_one = self.experiment.other_restarts is not None
+        if given != recorded and (not one_by_one or given < recorded):
+            more = " or more" if one_by_one else ""
+            raise InputError(
+                f"the record has {recorded} restarts of every sky: give n_restarts={recorded}{more}."
+            )
+        return [rest for sky in skies if (rest := self._rest_of(sky)) is not None]
+
+    def _rest_of(self, sky):
+        """A sky, or it with the restarts that the record does not have; None where it has all."""
+        known = self.rows[self.rows["seed"] == sky.survey.seed]
+        if known.empty:
+            return sky
+        find = self.experiment.other_restarts
+        return None if find is None else find(sky, {*known["restart"]})
 
     def grow(self, rows, about):
-        """This record with the rows of more skies, the time of all, and the commits that added to it."""
+        """This record with more rows, the time of all, and the commits that added to it."""
         rows = pd.concat([self.rows, rows], ignore_index=True)
         overrides = dict(self.about["overrides"]) | {_SKIES: rows["seed"].nunique()}
+        if _RESTARTS in overrides:
+            overrides[_RESTARTS] = dict(about["overrides"])[_RESTARTS]
         changed = {
             "overrides": [list(pair) for pair in overrides.items()],
             "seconds": self.about["seconds"] + about["seconds"],
@@ -262,8 +288,8 @@ class Record:
         }
         return replace(self, rows=rows, about={**self.about, **changed})
 
-    def check_parameters(self, about):
-        """Refuse what was made, or would be, with other parameters than the record.
+    def check_parameters(self, about, *, amounts=(_SKIES,)):
+        """Refuse what was made, or would be, with other parameters than the record, but for some `amounts`.
 
         Raises
         ------
@@ -274,7 +300,7 @@ class Record:
             {name: made[name] for name in ("preset", "galaxy", "seed")} | dict(made["overrides"])
             for made in (self.about, about)
         )
-        names = sorted((ours.keys() | theirs.keys()) - {_SKIES})
+        names = sorted((ours.keys() | theirs.keys()) - {*amounts})
         differing = [name for name in names if json.dumps(ours.get(name)) != json.dumps(theirs.get(name))]
         if differing:
             raise InputError(

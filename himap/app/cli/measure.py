@@ -30,7 +30,7 @@ _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters th
 @click.option("-o", "--output", metavar="FILE", help="The JSON to write; default in results/.")
 @overwrite_option
 @click.option("--check", metavar="FILE", help="Measure a sky of this record again, and mark it.")
-@click.option("--grow", metavar="FILE", help="Add the skies that this record does not have.")
+@click.option("--grow", metavar="FILE", help="Add skies and restarts that this record does not have.")
 @workers
 @debug
 def measure(name, *, pairs, preset, output, overwrite, check, grow):
@@ -78,9 +78,8 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         # The code that ran, whatever was edited in the hours since.
         return asdict(made) | {"code": measuring_code(name, CodeTree(texts=LOADED))}
 
-    if record is not None:
-        record.check_parameters(about(started))
     if check is not None:
+        record.check_parameters(about(started))
         if _single_draws(record.rows).all():  # before the work
             raise InputError(f"{path} has only single runs of chaotic methods: measure all of it again.")
         rows = experiment.table(skies[:1])
@@ -95,10 +94,9 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         record = Record(experiment=experiment, rows=rows, about=about(started))
         record.save(path)
     else:
-        for seed in record.missing([sky.survey.seed for sky in skies], about(started)):
+        for sky in record.missing(skies, about(started)):
             since = time.monotonic()
-            rows = experiment.table([sky for sky in skies if sky.survey.seed == seed])
-            record = record.grow(rows, about(since))
+            record = record.grow(experiment.table([sky]), about(since))
             record.save(path)  # at once: no sky is lost
     summary = experiment.summary(record.rows)
     # Columns of numbers are at the right.

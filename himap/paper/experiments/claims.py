@@ -99,6 +99,15 @@ def judged_skies(several, readings, n_restarts):
     ]
 
 
+def other_restarts(sky, restarts):
+    """A `JudgedSky` without some restarts; None where it has no other."""
+    members = {
+        label: [one for one in several if one.restart not in restarts]
+        for label, several in sky.realisations.items()
+    }
+    return JudgedSky(members) if any(members.values()) else None
+
+
 def skies(*, n_restarts=2, reading="default", **settings):
     """A list of `JudgedSky`, each with `n_restarts`; other parameters as of `realisations`."""
     return judged_skies(realisations(**settings), [reading], n_restarts)
@@ -164,6 +173,7 @@ EXPERIMENT = Experiment(
     summary=_summary,
     remark=_too_coarse,
     prepare=prepare,
+    other_restarts=other_restarts,
     defaults={"n_realisations": 5, "n_restarts": 2},
     stated=("n_realisations", "n_restarts"),
     words=("sentence",),

@@ -5,7 +5,7 @@ Each reading is judged on the same skies and from the same restarts.
 
 import math
 
-from himap.paper.experiments.claims import judged_skies, prepare, realisations
+from himap.paper.experiments.claims import judged_skies, other_restarts, prepare, realisations
 from himap.paper.experiments.restarts import claim_rows, member_rows
 from himap.paper.readings import COLUMNS, outcomes, readings
 from himap.paper.readings_table import summary_table
@@ -42,6 +42,7 @@ EXPERIMENT = Experiment(
     measure=measure,
     summary=lambda rows: summary_table(outcomes(rows)),
     prepare=prepare,
+    other_restarts=other_restarts,
     defaults={"preset": "quick", "n_realisations": 2, "n_restarts": 4, "n_sources_max": 12},
     without=("reading", "method"),  # varied, or always so
     stated=("n_realisations", "n_restarts", "n_sources_max"),

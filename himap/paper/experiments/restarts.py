@@ -15,7 +15,7 @@ from himap.paper import cleaned
 from himap.paper.claims.base import BEAMS, angular_band, bump, mean_error
 from himap.paper.claims.entries import finding_rows
 from himap.paper.ensembles import failures
-from himap.paper.experiments.claims import judge, judged_skies, prepare, realisations
+from himap.paper.experiments.claims import judge, judged_skies, other_restarts, prepare, realisations
 from himap.paper.readings import BANDS, COLUMNS, candidates, flagged_shares
 from himap.paper.record import Experiment
 from himap.store.store import product
@@ -141,6 +141,7 @@ EXPERIMENT = Experiment(
     measure=measure,
     summary=_summary,
     prepare=prepare,
+    other_restarts=other_restarts,
     defaults={"preset": "ci", "n_realisations": 3, "n_restarts": 8, "reading": "all"},
     without=("method",),
     stated=("n_realisations", "n_restarts", "reading", "n_sources_max"),
