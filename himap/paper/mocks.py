@@ -135,20 +135,22 @@ def _power(case, alms, before, after):
 def resampled(case, removers, mock, mask_peaks=True):
     """A member of a parametric bootstrap, whose truth is a mock: a list with the `MockPower` of each method.
 
-    For all methods the foreground is what `SmoothSpectra` finds in the observation: at every multipole all
-    smooth spectra that exceed HI and noise, through the beam. A method with few spectra has less of the
-    foreground and more of HI in what it finds.
+    For all methods the foreground is drawn from what `SmoothSpectra` knows of the observation: at every
+    multipole all smooth spectra that exceed HI and noise, through the beam. A method with few spectra has
+    less of the foreground and more of HI in what it finds.
     """
     alms, maps = _alms_and_maps(case, mock)
     model = cleaned.cleaning(case, SmoothSpectra(), mask_peaks)
     try:
-        vars(model)["separation"] = cleaned.separation(case, SmoothSpectra(), mask_peaks)
+        found = cleaned.separation(case, SmoothSpectra(), mask_peaks)
     except InputError as error:
         raise InputError(
             f"error bars need the foreground as smooth spectra, and that is not found here: {error} Take a "
             "survey with more channels."
         ) from None
-    return _powers(case, alms, model.resampled(maps), removers, [model.separation] * len(removers))
+    drawn = found.drawn(replace(case.survey, seed=mock.seed).rng("foreground"))
+    vars(model)["separation"] = drawn
+    return _powers(case, alms, model.resampled(maps), removers, [drawn] * len(removers))
 
 
 def transfer_functions(case, removers, mocks):

@@ -1,6 +1,6 @@
 """Smooth spectra, at every multipole as many as exceed HI and noise; a method of himap."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -9,8 +9,10 @@ from scipy.linalg import toeplitz
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
+from himap.maps.low_rank import LowRankCube
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.covariance import common_axes
 from himap.removal.separation import ordered
 from himap.removal.spectral_filter import SpectralFilter, filtered
 
@@ -32,6 +34,25 @@ class FilteredSeparation(Separation):
     """A `Separation` whose foreground is a linear filter of the maps: `filter`, a `SpectralFilter`."""
 
     filter: SpectralFilter
+
+    def drawn(self, rng):
+        """The same with a foreground drawn from its posterior, given the maps and both covariances.
+
+        The mean of the foreground given the maps, a Wiener filter, has less power than the foreground. A draw
+        has as much (Wandelt, Larson & Lakshminarayanan 2004): to the mean is added W_l s_l, with the
+        covariance of sources of unit variance given the maps, (W_l^T C^-1 W_l + 1)^-1.
+        """
+        spectra = self.filter.spectra
+        axes = common_axes(spectra)
+        modes = np.zeros((axes.shape[1], len(spectra) ** 2))
+        for degree, out in enumerate(harmonic.blocks(modes)[1:], 1):  # means are subtracted
+            within = spectra[degree]
+            precision = within.T @ np.linalg.solve(self.filter.faint_at(degree), within)
+            root = np.linalg.cholesky(precision + np.eye(len(precision)))
+            sources = np.linalg.solve(root.T, rng.standard_normal((len(root), out.shape[1])))
+            out[:] = axes.T @ (within @ sources)
+        more = sphere.synthesise(harmonic.from_modes(modes), sphere.nside_of(self.sources))
+        return replace(self, low_rank=self.foreground + LowRankCube(spectra=axes, maps=more))
 
 
 @dataclass(frozen=True, kw_only=True)
