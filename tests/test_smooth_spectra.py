@@ -11,16 +11,20 @@ from sparse_problem import largest_angle
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.transfer import expected_mock_power
+from himap.removal import harmonic
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
+from himap.removal.data import Data
 from himap.removal.pca import PCA
 from himap.removal.smooth_spectra import (
+    FilteredSeparation,
     SmoothSpectra,
     faint_covariance,
     log_fit,
     shrunk_variance,
     smooth_basis,
 )
+from himap.removal.spectral_filter import SpectralFilter, filtered
 
 N = 60
 CHANNELS = np.linspace(900, 1400, N)
@@ -53,6 +57,37 @@ class TestSteps:
             left = spectra - basis @ (basis.T @ spectra)
             assert np.abs(left).max() < tolerance
         assert basis.T @ basis == pytest.approx(np.eye(5))
+
+    def test_a_draw_has_the_power_that_the_mean_lacks(self, rng):
+        """Sources of unit variance that are as bright as noise and less: their Wiener filter halves power."""
+        nside, n_channels, lmax = 16, 6, 47
+        spectra = np.linalg.qr(rng.standard_normal((n_channels, 2)))[0] * [1.0, 0.5]
+        inverse = np.linalg.inv(spectra.T @ spectra + np.eye(2))  # of white noise of unit variance
+        sources = rng.standard_normal((2, (lmax + 1) ** 2))
+        cube = spectra @ sources + rng.standard_normal((n_channels, sources.shape[1]))
+        cube[:, 0] = 0
+        maps = sphere.synthesise(harmonic.from_modes(cube), nside).astype(np.float32)
+        every = np.ones((lmax + 1, 1, 1))
+        linear = SpectralFilter(
+            spectra=every * spectra,
+            estimators=every * (inverse @ spectra.T),
+            faint=np.eye(n_channels)[None],
+            first=np.array([0]),
+        )
+        found = filtered(linear.spectra, linear.estimators, maps, Data.of(maps, freqs=FREQS[:6]).modes)
+        mean = FilteredSeparation(mixing=spectra, sources=found.maps[:2], low_rank=found, filter=linear)
+
+        def sources_of(one):
+            seen = harmonic.to_modes(sphere.analyse(one.foreground.maps, 2 * nside))
+            return np.linalg.pinv(spectra) @ one.foreground.spectra @ seen
+
+        drawn = [sources_of(mean.drawn(rng)) for _ in range(10)]
+        shrunk = np.diag(np.eye(2) - inverse)  # 1 / 2 and 1 / 5
+        assert np.cov(sources_of(mean)) == pytest.approx(np.diag(shrunk), abs=0.06)
+        assert np.cov(np.hstack(drawn)) == pytest.approx(np.eye(2), abs=0.12)
+        differences = [one - other for one, other in zip(drawn[::2], drawn[1::2], strict=True)]
+        assert np.cov(np.hstack(differences)) == pytest.approx(2 * inverse, abs=0.12)
+        assert np.mean(np.square([one[:, 0] for one in drawn])) < 0.05  # means are subtracted
 
     @pytest.mark.parametrize("ratio", [0.01, 0.2])
     @pytest.mark.parametrize("variance", [1.5, 4.0, 1e6])
