@@ -42,9 +42,11 @@
 #
 # **Which foreground?** A method with few sources leaves in the residual whatever they do not hold, and takes
 # some HI into the faintest of them. Its own $\hat f$ has no residual, and a correction by it no knowledge of
-# one. For all methods $\hat f$ is therefore what SmoothSpectra finds: at every multipole all smooth spectra,
-# seen through the beam, that exceed HI and noise. If the method is a projection, $b$ is then its *foreground
-# residual*; else it may be negative.
+# one. For all methods $\hat f$ is therefore that of SmoothSpectra: at every multipole all smooth spectra,
+# seen through the beam, that exceed HI and noise. Its estimate is a Wiener filter, the mean of the foreground
+# given the data, and has less power than the foreground, above all where that is no brighter than HI; so each
+# member has its own $\hat f$, drawn from the posterior whose mean that is ({cite:t}`wandelt2004`). If the
+# method is a projection, $b$ is then its *foreground residual*; else it may be negative.
 # `himap transfer` and `himap clean --mocks` have the $\hat f$ of the method itself instead, as SmoothSpectra
 # fails where channels are few and the band is narrow; they take one source more where that one removes
 # significantly more from the data than from the members.

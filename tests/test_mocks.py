@@ -123,10 +123,11 @@ def test_a_mock_is_of_another_sky_than_the_data():
 class TestBootstrap:
     CASE = pipeline.Case(survey=replace(SURVEY, nside=16, n_channels=40), beam=Oscillating())
 
-    def test_members_have_the_foreground_of_smooth_spectra(self):
+    def test_members_have_a_foreground_drawn_from_smooth_spectra(self):
         """And the mock, from which each method finds it anew, without the peaks of both."""
         removers, freqs = (PCA(n_sources=3), BeamSubspace(n_sources=3)), self.CASE.survey.freqs
-        model, alms = cleaned.separation(self.CASE, SmoothSpectra()), mock_alms(self.CASE, USUAL)
+        rng = replace(self.CASE.survey, seed=USUAL.seed).rng("foreground")
+        model, alms = cleaned.separation(self.CASE, SmoothSpectra()).drawn(rng), mock_alms(self.CASE, USUAL)
         maps = sphere.synthesise_cube(alms, 16, n_channels=40, label="")
         maps += model.foreground.cube() + model.means[:, None].astype(np.float32)
         given = {"freqs": freqs, "beams": pipeline.observation(self.CASE).beams}
