@@ -1,6 +1,7 @@
 """SmoothSpectra: closed forms of its steps, and what it was made for: HI stays, whatever n_s is."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,6 +89,11 @@ class TestSteps:
         differences = [one - other for one, other in zip(drawn[::2], drawn[1::2], strict=True)]
         assert np.cov(np.hstack(differences)) == pytest.approx(2 * inverse, abs=0.12)
         assert np.mean(np.square([one[:, 0] for one in drawn])) < 0.05  # means are subtracted
+        turned = replace(linear, spectra=linear.spectra * [-1, 1], estimators=linear.estimators * [[-1], [1]])
+        both = (
+            one.drawn(np.random.default_rng(1)).foreground for one in (mean, replace(mean, filter=turned))
+        )
+        assert np.ptp([one.cube() for one in both], axis=0).max() < 1e-4  # the sign of an axis is chance
 
     @pytest.mark.parametrize("ratio", [0.01, 0.2])
     @pytest.mark.parametrize("variance", [1.5, 4.0, 1e6])

@@ -48,9 +48,13 @@ class FilteredSeparation(Separation):
         for degree, out in enumerate(harmonic.blocks(modes)[1:], 1):  # means are subtracted
             within = spectra[degree]
             precision = within.T @ np.linalg.solve(self.filter.faint_at(degree), within)
-            root = np.linalg.cholesky(precision + np.eye(len(precision)))
-            sources = np.linalg.solve(root.T, rng.standard_normal((len(root), out.shape[1])))
-            out[:] = axes.T @ (within @ sources)
+            space, mixing = np.linalg.qr(within)
+            covariance = mixing @ np.linalg.solve(precision + np.eye(len(precision)), mixing.T)
+            values, turn = np.linalg.eigh(covariance)
+            root = (turn * np.sqrt(np.maximum(values, 0))) @ turn.T
+            # Of draws in channels: the axes, and so draws along them, have a sign by chance.
+            drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
+            out[:] = (axes.T @ space) @ (root @ drawn)
         more = sphere.synthesise(harmonic.from_modes(modes), sphere.nside_of(self.sources))
         return replace(self, low_rank=self.foreground + LowRankCube(spectra=axes, maps=more))
 
