@@ -244,7 +244,7 @@ variants = {
     "Gaussian": {"gaussian": True},
 }
 changed_mocks = {label: Mock(seed=mocks[0].seed, **changed) for label, changed in variants.items()}
-make_products([(resampled, (case, (first,), mock)) for mock in (mocks[0], *changed_mocks.values())])
+make_products([(resampled, (case, (first,), one, (one,))) for one in (mocks[0], *changed_mocks.values())])
 usual = bootstrap(case, [first], mocks[:1])[first]
 looks = [(styles.BLUE, "-"), (styles.VERMILION, "--"), (styles.GREEN, "-."), (styles.PURPLE, ":")]
 sky, line, changes = [], [], {}

@@ -11,8 +11,17 @@ from himap.instrument.beams import Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
 from himap.paper import cleaned, pipeline
-from himap.paper.mocks import Mock, bootstrap, first_mocks, mock_alms, own_recovery, recovered, resampled
-from himap.removal import PCA, BeamSubspace, SDecGMCA, SmoothSpectra
+from himap.paper.mocks import (
+    Mock,
+    bootstrap,
+    first_mocks,
+    foreground_given,
+    mock_alms,
+    own_recovery,
+    recovered,
+    resampled,
+)
+from himap.removal import PCA, BeamSubspace, SDecGMCA
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
 
@@ -127,12 +136,12 @@ class TestBootstrap:
         """And the mock, from which each method finds it anew, without the peaks of both."""
         removers, freqs = (PCA(n_sources=3), BeamSubspace(n_sources=3)), self.CASE.survey.freqs
         rng = replace(self.CASE.survey, seed=USUAL.seed).rng("foreground")
-        model, alms = cleaned.separation(self.CASE, SmoothSpectra()).drawn(rng), mock_alms(self.CASE, USUAL)
+        model, alms = foreground_given(self.CASE, (USUAL,)).drawn(rng), mock_alms(self.CASE, USUAL)
         maps = sphere.synthesise_cube(alms, 16, n_channels=40, label="")
         maps += model.foreground.cube() + model.means[:, None].astype(np.float32)
         given = {"freqs": freqs, "beams": pipeline.observation(self.CASE).beams}
         low = slice(2, 33)
-        for remover, found in zip(removers, resampled(self.CASE, removers, USUAL), strict=True):
+        for remover, found in zip(removers, resampled(self.CASE, removers, USUAL, (USUAL,)), strict=True):
             residual = remover.clean(maps, separate_on=mask_peaks(maps, freqs).maps, **given).residual
             expected = sphere.power_spectrum(sphere.analyse(residual)).mean(axis=0)
             assert found.output.angular[low] == pytest.approx(expected[low], rel=0.01)
@@ -149,5 +158,8 @@ class TestBootstrap:
         assert (after[middle] / true[middle]).mean() == pytest.approx(1, abs=close)
 
     def test_too_few_channels_are_refused_with_the_way_out(self):
-        with pytest.raises(InputError, match="cannot be separated .* Take a survey with more channels"):
-            resampled(CASE, (PCA(n_sources=3),), USUAL)
+        case = replace(CASE, survey=replace(SURVEY, n_channels=8))
+        with pytest.raises(
+            InputError, match="below the number of channels.* Take a survey with more channels"
+        ):
+            resampled(case, (PCA(n_sources=3),), USUAL, (USUAL,))

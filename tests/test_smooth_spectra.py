@@ -21,6 +21,7 @@ from himap.removal.smooth_spectra import (
     FilteredSeparation,
     SmoothSpectra,
     faint_covariance,
+    faint_covariances,
     log_fit,
     shrunk_variance,
     smooth_basis,
@@ -111,6 +112,25 @@ class TestSteps:
             foreground = spectra @ spectra.T
             expected = np.linalg.solve(foreground + faint, foreground).T
             assert spectra @ linear.estimators[degree] == pytest.approx(expected, abs=1e-4)
+
+    def test_with_the_covariance_of_mocks(self, sky, rng):
+        """Theirs is what was drawn, in any smooth spectrum; and nothing is estimated in its place."""
+        mocks = (harmonic.to_modes(make_sky(rng).hi) for _ in range(6))
+        known = faint_covariances(mocks, FREQS, LMAX)
+        functions = smooth_basis(FREQS, 8)
+        for degree, band in ((12, 2), (22, 4)):
+            expected = hi_covariance() * np.outer(BEAMS[:, degree], BEAMS[:, degree])
+            ratio = np.diag(functions.T @ known[band] @ functions) / np.diag(
+                functions.T @ expected @ functions
+            )
+            assert ratio == pytest.approx(np.ones(8), abs=0.35) and ratio.mean() == pytest.approx(1, abs=0.15)
+        data = Data.of(sky.maps, freqs=FREQS, beams=BEAMS[:, : LMAX + 1])
+        data.known["faint"] = known
+        found = SmoothSpectra().separate(data)
+        assert found.n_iterations == 0 and np.array_equal(found.filter.faint, known)
+        spectra, faint = found.filter.spectra[11], known[2]
+        gain = np.linalg.solve(spectra @ spectra.T + faint, spectra @ spectra.T).T
+        assert spectra @ found.filter.estimators[11] == pytest.approx(gain, abs=1e-4)
 
 
 class TestHI:

@@ -14,7 +14,7 @@ from himap.maps import sphere
 from himap.measures.transfer import TransferFunction, mock_power
 from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
-from himap.removal.smooth_spectra import SmoothSpectra
+from himap.removal.smooth_spectra import SmoothSpectra, faint_covariances
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 from himap.store.store import product
@@ -132,42 +132,54 @@ def _power(case, alms, before, after):
 
 
 @product
-def resampled(case, removers, mock, mask_peaks=True):
-    """A member of a parametric bootstrap, whose truth is a mock: a list with the `MockPower` of each method.
+def foreground_given(case, mocks, mask_peaks=True):
+    """The foreground of a case as `SmoothSpectra`, given that HI and noise have the covariance of some mocks.
 
-    For all methods the foreground is drawn from what `SmoothSpectra` knows of the observation: at every
-    multipole all smooth spectra that exceed HI and noise, through the beam. A method with few spectra has
-    less of the foreground and more of HI in what it finds.
+    Of HI that is removed with the foreground the data say nothing, so that it is the mocks that say how much
+    of a smooth spectrum is foreground.
     """
-    alms, maps = _alms_and_maps(case, mock)
-    model = cleaned.cleaning(case, SmoothSpectra(), mask_peaks)
+    data = cleaned.cleaning(case, SmoothSpectra(), mask_peaks).basis
     try:
-        found = cleaned.separation(case, SmoothSpectra(), mask_peaks)
+        SmoothSpectra().check(case.survey.n_channels)
+        modes = (harmonic.to_modes(mock_alms(case, mock)) for mock in mocks)
+        data.known["faint"] = faint_covariances(modes, data.freqs, case.survey.lmax)
+        return SmoothSpectra().separate(data)
     except InputError as error:
         raise InputError(
             f"error bars need the foreground as smooth spectra, and that is not found here: {error} Take a "
             "survey with more channels."
         ) from None
-    drawn = found.drawn(replace(case.survey, seed=mock.seed).rng("foreground"))
-    vars(model)["separation"] = drawn
+
+
+@product
+def resampled(case, removers, mock, mocks, mask_peaks=True):
+    """A member of a parametric bootstrap, whose truth is a mock: a list with the `MockPower` of each method.
+
+    For all methods the foreground is drawn from what is known of it if HI and noise are like some `mocks`
+    (`foreground_given`): at every multipole all smooth spectra that exceed these, through the beam. A method
+    with few spectra has less of the foreground and more of HI in what it finds.
+    """
+    alms, maps = _alms_and_maps(case, mock)
+    model = cleaned.cleaning(case, SmoothSpectra(), mask_peaks)
+    rng = replace(case.survey, seed=mock.seed).rng("foreground")
+    vars(model)["separation"] = drawn = foreground_given(case, mocks, mask_peaks).drawn(rng)
     return _powers(case, alms, model.resampled(maps), removers, [drawn] * len(removers))
 
 
 def transfer_functions(case, removers, mocks):
     """{method: `TransferFunction`} of what comes back of some `Mock` in an observation (`recovered`)."""
-    return _of_mocks(recovered, case, removers, mocks)
+    return _by_method(removers, [recovered(case, tuple(removers), mock) for mock in mocks])
 
 
 def bootstrap(case, removers, mocks):
     """{method: `TransferFunction`} of members of a bootstrap of a case, with one of some `Mock` each."""
-    return _of_mocks(resampled, case, removers, mocks)
+    calls = [(case, tuple(removers), mock, tuple(mocks)) for mock in mocks]
+    return _by_method(removers, [resampled(*call) for call in calls])
 
 
-def _of_mocks(product, case, removers, mocks):
-    by_method = zip(*(product(case, tuple(removers), mock) for mock in mocks), strict=True)
-    return {
-        remover: TransferFunction(mocks=powers) for remover, powers in zip(removers, by_method, strict=True)
-    }
+def _by_method(removers, powers):
+    several = zip(removers, zip(*powers, strict=True), strict=True)
+    return {remover: TransferFunction(mocks=mocks) for remover, mocks in several}
 
 
 @product

@@ -78,10 +78,11 @@ class SmoothSpectra(ForegroundRemover):
 
     The mean of the foreground given X, a Wiener filter, is subtracted. The HI that it removes with it is
     known from C, without the truth and without mocks (`himap.measures.transfer.expected_mock_power`).
-    `mixing` and `sources` are the principal axes of the foreground before the beam, all l together. It has
-    not converged where HI comes out as steep as a foreground, which then remains: with few channels in a
-    narrow band, or a small `n_sources`. There is no threshold to choose, no noise level to know and no
-    randomness.
+    Where C is known, from mocks (`faint_covariances`), it is what is `known` of the data as "faint", and
+    nothing alternates. `mixing` and `sources` are the principal axes of the foreground before the beam, all l
+    together. It has not converged where HI comes out as steep as a foreground, which then remains: with few
+    channels in a narrow band, or a small `n_sources`. There is no threshold to choose, no noise level to know
+    and no randomness.
     """
 
     name: ClassVar[str] = "smooth_spectra"
@@ -109,11 +110,15 @@ class SmoothSpectra(ForegroundRemover):
         rounding = _ROUNDING**2 * np.mean(np.square(maps, dtype=np.float64)) * 4 * np.pi / maps.shape[1]
         basis = smooth_basis(freqs, self.n_smooth)
         edges, bands = multipole_bands(lmax), []
-        for first, last in progress(edges, self.name):
-            data = [modes.at(degree) for degree in range(first, last + 1)]
+        faint = data.known.get("faint", [None] * len(edges))
+        for (first, last), known in zip(progress(edges, self.name), faint, strict=True):
+            blocks = [modes.at(degree) for degree in range(first, last + 1)]
             seen = windows.T[first : last + 1, :, None] * basis
             try:
-                bands.append(_settled(data, seen, freqs, rounding, self.n_sources))
+                if known is None:
+                    bands.append(_settled(blocks, seen, freqs, rounding, self.n_sources))
+                else:
+                    bands.append(_band(blocks, seen, known, self.n_sources))
             except np.linalg.LinAlgError:
                 raise InputError(
                     f"HI and {self.n_smooth} smooth functions cannot be separated over "
@@ -172,8 +177,14 @@ def _settled(data, seen, freqs, rounding, n_sources):
         converged = bool(np.linalg.norm(faint - before) <= _SETTLED * np.linalg.norm(before))
     values = np.linalg.eigvalsh(before)
     converged &= bool(values[-1] < _STEEPEST * np.median(values))
+    return (*_band(data, seen, before, n_sources)[:-2], converged, n_turns)
+
+
+def _band(data, seen, faint, n_sources):
+    """What `_settled` returns, with a covariance C that is known."""
+    axes, estimators = _filter(data, seen, faint, n_sources)
     amplitudes = [axes @ (one @ block) for one, block in zip(estimators, data, strict=True)]
-    return spectra, estimators, before, np.hstack(amplitudes), converged, n_turns
+    return seen @ axes, estimators, faint, np.hstack(amplitudes), True, 0
 
 
 def _filter(data, seen, faint, n_sources):
@@ -192,6 +203,28 @@ def _filter(data, seen, faint, n_sources):
     axes = root @ (axes * np.sqrt(shrunk_variance(values, len(axes) / n_modes)))  # sources of unit variance
     precision = axes.T @ known @ axes + np.eye(n_sources)
     return axes, np.linalg.solve(precision, np.swapaxes(weighted @ axes, 1, 2))
+
+
+def faint_covariances(fields, freqs, lmax):
+    """C of each band of multipoles, (n_bands, n_channels, n_channels), of fields of HI and noise alone.
+
+    Parameters
+    ----------
+    fields
+        Real modes of each, (n_channels, (lmax + 1)^2), mK, through the beam, less channel means.
+    freqs
+        Channel centres, MHz.
+    lmax
+        Last l.
+    """
+    edges, products, n_fields = multipole_bands(lmax), 0, 0
+    places = [slice(max(first, 1) ** 2, (last + 1) ** 2) for first, last in edges]
+    for field in fields:
+        products = products + np.array([field[:, place] @ field[:, place].T for place in places])
+        n_fields += 1
+    n_modes = [n_fields * (place.stop - place.start) for place in places]
+    pairs = zip(products, n_modes, strict=True)
+    return np.array([faint_covariance(product / n, freqs, 0) for product, n in pairs])
 
 
 def smooth_basis(freqs, n_smooth):

@@ -40,7 +40,11 @@ def skies(*, n_mocks=8, **settings):
 def measure(sky):
     """Ratios to the truth, corrections and error bars in each band, of each method of a `Sky`."""
     pairs = [(case, remover) for case, removers in sky.methods.items() for remover in removers]
-    members = [(case, tuple(removers), mock) for case, removers in sky.methods.items() for mock in sky.mocks]
+    members = [
+        (case, tuple(removers), mock, sky.mocks)
+        for case, removers in sky.methods.items()
+        for mock in sky.mocks
+    ]
     grid.make_products([(resampled, call) for call in members] + [(own_recovery, pair) for pair in pairs])
     found = {case: bootstrap(case, removers, sky.mocks) for case, removers in sky.methods.items()}
     return [
