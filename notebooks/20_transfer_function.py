@@ -42,14 +42,15 @@
 #
 # **Which foreground?** A method with few sources leaves in the residual whatever they do not hold, and takes
 # some HI into the faintest of them. Its own $\hat f$ has no residual, and a correction by it no knowledge of
-# one. For all methods $\hat f$ is therefore that of SmoothSpectra: at every multipole all smooth spectra,
-# seen through the beam, that exceed HI and noise. Its estimate is a Wiener filter, the mean of the foreground
-# given the data, and has less power than the foreground, above all where that is no brighter than HI; so each
-# member has its own $\hat f$, drawn from the posterior whose mean that is ({cite:t}`wandelt2004`). If the
-# method is a projection, $b$ is then its *foreground residual*; else it may be negative.
-# `himap transfer` and `himap clean --mocks` have the $\hat f$ of the method itself instead, as SmoothSpectra
-# fails where channels are few and the band is narrow; they take one source more where that one removes
-# significantly more from the data than from the members.
+# one. For all methods $\hat f$ is therefore that of SmoothSpectra, with the covariance of HI and noise from
+# the mocks: at every multipole all smooth spectra, seen through the beam, that exceed these. Its estimate is a
+# Wiener filter, the mean of the foreground given the data, and has less power than the foreground, above all
+# where that is no brighter than HI; so each member has its own $\hat f$, drawn from the posterior with this
+# mean ({cite:t}`wandelt2004`). If the method is a projection, $b$ is then its *foreground residual*; else it
+# may be negative.
+# `himap transfer` and `himap clean --mocks` have the $\hat f$ of the method itself instead, for which neither
+# the whole sphere nor a beam is needed; they take one source more where that one removes significantly more
+# from the data than from the members.
 #
 # Mocks can also be added to the data, $\hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d)$
 # ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but no foreground residual, and
@@ -424,12 +425,14 @@ show_table(rows, columns=4)
 # - **The foreground residual is estimated without the truth and subtracted** (column *foreground*). It is
 #   largest for BeamSubspace with three sources on the real Galaxy, and there the estimate is too low.
 # - **The correction is only as good as the estimated foreground.** It lacks what is fainter than HI at every
-#   multipole, and holds HI that is smooth in frequency. The error bars are too small for BeamSubspace, and for
-#   SmoothSpectra at `quick`.
+#   multipole. The draws add what a Wiener filter lacks, and with the covariance of HI and noise from the mocks
+#   little of what is drawn is HI; but that is right for HI like that of the mocks alone. At `quick` the error
+#   bars remain too small, above all at the lowest multipoles and wavenumbers: how much foreground the residual
+#   holds has an error that all members share.
 # - **So the correction is a systematic error too.** Nothing in the data says which share of the foreground
 #   residual the estimate holds, so the whole of what was subtracted is quoted, and added in quadrature. That is
-#   too cautious for BeamSubspace at `ci`, and does not help SmoothSpectra at `quick`, from whose spectra hardly
-#   anything was subtracted.
+#   too cautious where much was subtracted, as for BeamSubspace on the real Galaxy, and does not help
+#   SmoothSpectra, from whose spectra hardly anything was.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) and
 #   `one_more` (the change by one source more) in the unit of the spectrum; the columns `error_1` and so on have
 #   the error of each mock, and `himap.measures.bootstrap.covariance` gives their covariance between bands. It
