@@ -21,9 +21,10 @@ from himap.paper.mocks import (
     recovered,
     resampled,
 )
-from himap.removal import PCA, BeamSubspace, SDecGMCA
+from himap.removal import PCA, BeamSubspace, SDecGMCA, harmonic
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
+from himap.removal.smooth_spectra import multipole_bands
 
 SURVEY = Survey.preset("ci", nside=8, n_channels=16, box_cells=16)
 CASE = pipeline.Case(survey=SURVEY, beam=Oscillating())
@@ -145,6 +146,12 @@ class TestBootstrap:
             residual = remover.clean(maps, separate_on=mask_peaks(maps, freqs).maps, **given).residual
             expected = sphere.power_spectrum(sphere.analyse(residual)).mean(axis=0)
             assert found.output.angular[low] == pytest.approx(expected[low], rel=0.01)
+
+    def test_hi_and_noise_are_those_of_the_mocks(self):
+        found = foreground_given(self.CASE, (USUAL,)).filter.faint
+        modes = harmonic.to_modes(mock_alms(self.CASE, USUAL))[:, 10**2 : 15**2]  # of the third band
+        assert np.trace(found[2]) == pytest.approx(np.sum(modes**2) / modes.shape[1], rel=0.02)
+        assert len(found) == len(multipole_bands(47))
 
     @pytest.mark.parametrize(("n_sources", "before", "close"), [(2, (1e3, 1e5), 20), (3, (0.8, 0.95), 0.04)])
     def test_loss_and_foreground_residual_are_corrected(self, n_sources, before, close):
