@@ -427,12 +427,12 @@ show_table(rows, columns=4)
 # - **The correction is only as good as the estimated foreground.** It lacks what is fainter than HI at every
 #   multipole. The draws add what a Wiener filter lacks, and with the covariance of HI and noise from the mocks
 #   little of what is drawn is HI; but that is right for HI like that of the mocks alone. At `quick` the error
-#   bars remain too small, above all at the lowest multipoles and wavenumbers: how much foreground the residual
-#   holds has an error that all members share.
+#   bars of BeamSubspace and SmoothSpectra remain too small: how much foreground the residual holds has an error
+#   that all members share.
 # - **So the correction is a systematic error too.** Nothing in the data says which share of the foreground
 #   residual the estimate holds, so the whole of what was subtracted is quoted, and added in quadrature. That is
-#   too cautious where much was subtracted, as for BeamSubspace on the real Galaxy, and does not help
-#   SmoothSpectra, from whose spectra hardly anything was.
+#   too cautious where much was subtracted, as for BeamSubspace on the real Galaxy, and hardly helps
+#   SmoothSpectra at `quick`, from whose spectra little was.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) and
 #   `one_more` (the change by one source more) in the unit of the spectrum; the columns `error_1` and so on have
 #   the error of each mock, and `himap.measures.bootstrap.covariance` gives their covariance between bands. It
