@@ -86,7 +86,6 @@ from himap.paper.grid import make_products
 from himap.paper.mocks import Mock, bootstrap, own_recovery, resampled
 from himap.paper.record import Record
 from himap.paper.study import Study
-from himap.paper.study_figures import both_figure
 from himap.removal.base import SeparationWarning
 
 warnings.simplefilter("ignore", SeparationWarning)
@@ -183,7 +182,9 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
 # The corrected spectra (solid) scatter about the truth; the uncorrected ones (dotted) are below it.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, uncorrected (dotted) and corrected (solid), and ratios to the truth. Grey band: 10 %."}}
-both_figure(study, case.beam, curves, n_mocks=n_mocks)
+titles = {"frequency": "along the line of sight", "angular": "across the sky"}
+panels = [plotting.comparison_panel(kind, curves, title=title) for kind, title in titles.items()]
+study.stamped(plotting.spectrum(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
 # The table has the power in bands over the truth, uncorrected and corrected. The pull is
