@@ -132,6 +132,15 @@ class TestCheck:
         assert marked.about["checked"]["code"] == TOMORROW and marked.codes == [ABOUT["code"], TOMORROW]
         assert marked.rows is record.rows and "checked" not in record.about
 
+    def test_an_infinity_is_what_a_file_keeps_of_it(self, record, tmp_path):
+        """JSON has none: it is stored as an absent number."""
+        rows = record.rows.assign(ratio=record.rows["ratio"].where(record.rows["x"] > 0, math.inf))
+        replace(record, rows=rows).save(tmp_path / "a.json")
+        stored = Record.load(EXPERIMENT, tmp_path / "a.json")
+        assert stored.check(rows[rows["seed"] == 7], ABOUT).about["checked"]
+        with pytest.raises(InputError, match="have changed"):
+            stored.check(record.rows[record.rows["seed"] == 7], ABOUT)
+
     @pytest.mark.parametrize(
         ("cells", "message"),
         [
