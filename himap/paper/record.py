@@ -63,8 +63,7 @@ class Experiment:
         Function that makes what some skies need before they are measured: one after the other, or all at
         once on a cluster that shares the work.
     other_restarts
-        Function from a sky and a set of restarts to that sky without these, or None where it has no other;
-        None where a restart is not measured by itself.
+        Function from a sky and restarts to it without these, or None; None if restarts share a measure.
     """
 
     name: str
