@@ -15,7 +15,7 @@ from himap.paper.mocks import (
     Mock,
     bootstrap,
     first_mocks,
-    foreground_given,
+    foreground_like,
     mock_alms,
     own_recovery,
     recovered,
@@ -137,7 +137,9 @@ class TestBootstrap:
         """And the mock, from which each method finds it anew, without the peaks of both."""
         removers, freqs = (PCA(n_sources=3), BeamSubspace(n_sources=3)), self.CASE.survey.freqs
         rng = replace(self.CASE.survey, seed=USUAL.seed).rng("foreground")
-        model, alms = foreground_given(self.CASE, (USUAL,)).drawn(rng), mock_alms(self.CASE, USUAL)
+        data = cleaned.data_of(self.CASE, pipeline.observation(self.CASE).maps)
+        model = foreground_like(self.CASE, (USUAL,)).draw(data, rng)
+        alms = mock_alms(self.CASE, USUAL)
         maps = sphere.synthesise_cube(alms, 16, n_channels=40, label="")
         maps += model.foreground.cube() + model.means[:, None].astype(np.float32)
         given = {"freqs": freqs, "beams": pipeline.observation(self.CASE).beams}
@@ -148,7 +150,7 @@ class TestBootstrap:
             assert found.output.angular[low] == pytest.approx(expected[low], rel=0.01)
 
     def test_hi_and_noise_are_those_of_the_mocks(self):
-        found = foreground_given(self.CASE, (USUAL,)).filter.faint
+        found = foreground_like(self.CASE, (USUAL,)).faint
         modes = harmonic.to_modes(mock_alms(self.CASE, USUAL))[:, 10**2 : 15**2]  # of the third band
         assert np.trace(found[2]) == pytest.approx(np.sum(modes**2) / modes.shape[1], rel=0.02)
         assert len(found) == len(multipole_bands(47))
@@ -158,15 +160,13 @@ class TestBootstrap:
         """Two spectra are too few: they leave thousands of times the power of HI and noise."""
         remover, middle = BeamSubspace(n_sources=n_sources), slice(5, 20)
         power = own_recovery(self.CASE, remover)
-        found = bootstrap(self.CASE, [remover], first_mocks(4, [self.CASE]))[remover]
+        found = bootstrap(self.CASE, [remover], first_mocks(8, [self.CASE]))[remover]
         true, residual = (getattr(power, part).angular for part in ("input", "output"))
         assert before[0] < (residual[middle] / true[middle]).mean() < before[1]
         after = found.corrected("angular", residual)
         assert (after[middle] / true[middle]).mean() == pytest.approx(1, abs=close)
 
     def test_too_few_channels_are_refused_with_the_way_out(self):
-        case = replace(CASE, survey=replace(SURVEY, n_channels=8))
-        with pytest.raises(
-            InputError, match="below the number of channels.* Take a survey with more channels"
-        ):
-            resampled(case, (PCA(n_sources=3),), USUAL, (USUAL,))
+        case = replace(CASE, survey=replace(SURVEY, n_channels=6))
+        with pytest.raises(InputError, match="6 smooth functions.* got 6: take more channels"):
+            resampled(case, (PCA(n_sources=3),), USUAL, (USUAL,), False)

@@ -1,7 +1,6 @@
 """SmoothSpectra: closed forms of its steps, and what it was made for: HI stays, whatever n_s is."""
 
 import warnings
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,21 +11,16 @@ from sparse_problem import largest_angle
 from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.transfer import expected_mock_power
-from himap.removal import harmonic
 from himap.removal.base import SeparationWarning
 from himap.removal.beam_subspace import BeamSubspace
-from himap.removal.data import Data
 from himap.removal.pca import PCA
 from himap.removal.smooth_spectra import (
-    FilteredSeparation,
     SmoothSpectra,
     faint_covariance,
-    faint_covariances,
     log_fit,
     shrunk_variance,
     smooth_basis,
 )
-from himap.removal.spectral_filter import SpectralFilter, filtered
 
 N = 60
 CHANNELS = np.linspace(900, 1400, N)
@@ -60,42 +54,6 @@ class TestSteps:
             assert np.abs(left).max() < tolerance
         assert basis.T @ basis == pytest.approx(np.eye(5))
 
-    def test_a_draw_has_the_power_that_the_mean_lacks(self, rng):
-        """Sources of unit variance that are as bright as noise and less: their Wiener filter halves power."""
-        nside, n_channels, lmax = 16, 6, 47
-        spectra = np.linalg.qr(rng.standard_normal((n_channels, 2)))[0] * [1.0, 0.5]
-        inverse = np.linalg.inv(spectra.T @ spectra + np.eye(2))  # of white noise of unit variance
-        sources = rng.standard_normal((2, (lmax + 1) ** 2))
-        cube = spectra @ sources + rng.standard_normal((n_channels, sources.shape[1]))
-        cube[:, 0] = 0
-        maps = sphere.synthesise(harmonic.from_modes(cube), nside).astype(np.float32)
-        every = np.ones((lmax + 1, 1, 1))
-        linear = SpectralFilter(
-            spectra=every * spectra,
-            estimators=every * (inverse @ spectra.T),
-            faint=np.eye(n_channels)[None],
-            first=np.array([0]),
-        )
-        found = filtered(linear.spectra, linear.estimators, maps, Data.of(maps, freqs=FREQS[:6]).modes)
-        mean = FilteredSeparation(mixing=spectra, sources=found.maps[:2], low_rank=found, filter=linear)
-
-        def sources_of(one):
-            seen = harmonic.to_modes(sphere.analyse(one.foreground.maps, 2 * nside))
-            return np.linalg.pinv(spectra) @ one.foreground.spectra @ seen
-
-        drawn = [sources_of(mean.drawn(rng)) for _ in range(10)]
-        shrunk = np.diag(np.eye(2) - inverse)  # 1 / 2 and 1 / 5
-        assert np.cov(sources_of(mean)) == pytest.approx(np.diag(shrunk), abs=0.06)
-        assert np.cov(np.hstack(drawn)) == pytest.approx(np.eye(2), abs=0.12)
-        differences = [one - other for one, other in zip(drawn[::2], drawn[1::2], strict=True)]
-        assert np.cov(np.hstack(differences)) == pytest.approx(2 * inverse, abs=0.12)
-        assert np.mean(np.square([one[:, 0] for one in drawn])) < 0.05  # means are subtracted
-        turned = replace(linear, spectra=linear.spectra * [-1, 1], estimators=linear.estimators * [[-1], [1]])
-        both = (
-            one.drawn(np.random.default_rng(1)).foreground for one in (mean, replace(mean, filter=turned))
-        )
-        assert np.ptp([one.cube() for one in both], axis=0).max() < 1e-4  # the sign of an axis is chance
-
     @pytest.mark.parametrize("ratio", [0.01, 0.2])
     @pytest.mark.parametrize("variance", [1.5, 4.0, 1e6])
     def test_shrinkage_undoes_what_samples_add(self, ratio, variance):
@@ -112,27 +70,6 @@ class TestSteps:
             foreground = spectra @ spectra.T
             expected = np.linalg.solve(foreground + faint, foreground).T
             assert spectra @ linear.estimators[degree] == pytest.approx(expected, abs=1e-4)
-
-    def test_with_the_covariance_of_mocks(self, sky, rng):
-        """Theirs is what was drawn, in any smooth spectrum; and nothing is estimated in its place."""
-        mocks = [harmonic.to_modes(make_sky(rng).hi) for _ in range(6)]
-        known = faint_covariances(mocks, FREQS, LMAX)
-        lowest = np.mean([mock[:, 1:25] @ mock[:, 1:25].T / 24 for mock in mocks], axis=0)  # l from 1 to 4
-        assert np.trace(known[0]) == pytest.approx(np.trace(lowest), rel=0.01)
-        functions = smooth_basis(FREQS, 8)
-        for degree, band in ((12, 2), (22, 4)):
-            expected = hi_covariance() * np.outer(BEAMS[:, degree], BEAMS[:, degree])
-            ratio = np.diag(functions.T @ known[band] @ functions) / np.diag(
-                functions.T @ expected @ functions
-            )
-            assert ratio == pytest.approx(np.ones(8), abs=0.35) and ratio.mean() == pytest.approx(1, abs=0.15)
-        data = Data.of(sky.maps, freqs=FREQS, beams=BEAMS[:, : LMAX + 1])
-        data.known["faint"] = known
-        found = SmoothSpectra().separate(data)
-        assert found.n_iterations == 0 and np.array_equal(found.filter.faint, known)
-        spectra, faint = found.filter.spectra[11], known[2]
-        gain = np.linalg.solve(spectra @ spectra.T + faint, spectra @ spectra.T).T
-        assert spectra @ found.filter.estimators[11] == pytest.approx(gain, abs=1e-4)
 
 
 class TestHI:

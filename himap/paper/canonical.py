@@ -105,7 +105,7 @@ _PRODUCTS = {
         (replace(SURVEY, seed=7).sky, mocks.Mock(seed=7, gaussian=True, abundance=1.5)),
     ],
     mocks.recovered: [(CASE, (PLAIN, AWARE), mocks.Mock(seed=7))],
-    mocks.foreground_given: [(CASE, (mocks.Mock(seed=7),))],
+    mocks.foreground_like: [(CASE, (mocks.Mock(seed=7),))],
     mocks.resampled: [(CASE, (PLAIN, AWARE), mocks.Mock(seed=7), (mocks.Mock(seed=7), mocks.Mock(seed=8)))],
     mocks.own_recovery: [(CASE, PLAIN), (CASE, AWARE)],
     masked.separation: [(CASE, PLAIN, REGION), (CASE, AWARE, REGION)],

@@ -14,7 +14,7 @@ from himap.maps import sphere
 from himap.measures.transfer import TransferFunction, mock_power
 from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
-from himap.removal.smooth_spectra import SmoothSpectra, faint_covariances
+from himap.removal.smooth_posterior import foreground_given, products_of
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 from himap.store.store import product
@@ -132,23 +132,17 @@ def _power(case, alms, before, after):
 
 
 @product
-def foreground_given(case, mocks, mask_peaks=True):
-    """The foreground of a case as `SmoothSpectra`, given that HI and noise have the covariance of some mocks.
+def foreground_like(case, mocks):
+    """The `SmoothForeground` of a case where HI and noise are like some mocks."""
+    alms = (mock_alms(case, mock) for mock in mocks)
+    return foreground_given(_with_peaks(case), products_of(alms, case.survey.lmax))
 
-    Of HI that is removed with the foreground the data say nothing, so that it is the mocks that say how much
-    of a smooth spectrum is foreground.
-    """
-    data = cleaned.cleaning(case, SmoothSpectra(), mask_peaks).basis
-    try:
-        SmoothSpectra().check(case.survey.n_channels)
-        modes = (harmonic.to_modes(mock_alms(case, mock)) for mock in mocks)
-        data.known["faint"] = faint_covariances(modes, data.freqs, case.survey.lmax)
-        return SmoothSpectra().separate(data)
-    except InputError as error:
-        raise InputError(
-            f"error bars need the foreground as smooth spectra, and that is not found here: {error} Take a "
-            "survey with more channels."
-        ) from None
+
+def _with_peaks(case):
+    """The `Data` of a case with its peaks, which mocks have too."""
+    data = cleaned.data_of(case, pipeline.observation(case).maps)
+    data.known["modes"] = lambda: pipeline.analysis(case, False)
+    return data
 
 
 @product
@@ -160,9 +154,9 @@ def resampled(case, removers, mock, mocks, mask_peaks=True):
     with few spectra has less of the foreground and more of HI in what it finds.
     """
     alms, maps = _alms_and_maps(case, mock)
-    model = cleaned.cleaning(case, SmoothSpectra(), mask_peaks)
+    model = cleaned.cleaning(case, removers[0], mask_peaks)
     rng = replace(case.survey, seed=mock.seed).rng("foreground")
-    vars(model)["separation"] = drawn = foreground_given(case, mocks, mask_peaks).drawn(rng)
+    vars(model)["separation"] = drawn = foreground_like(case, mocks).draw(_with_peaks(case), rng)
     return _powers(case, alms, model.resampled(maps), removers, [drawn] * len(removers))
 
 

@@ -16,12 +16,11 @@ _RANK = 1e-13  # singular values below this share of the largest are rounding
 
 @lru_cache(maxsize=4)
 def _order(lmax):
-    """For every mode the index of its real number in the coefficients, and its factor; read-only."""
-    n_alm = sphere.alm_size(lmax)
+    """For every mode the place of its number in coefficients seen as floats, and its factor; read-only."""
     index = np.empty((lmax + 1) ** 2, dtype=np.int64)
     for degree in range(lmax + 1):
-        alm = sphere.alm_index(lmax, degree, np.arange(degree + 1))
-        index[degree**2 : (degree + 1) ** 2] = np.concatenate([alm, alm[1:] + n_alm])
+        real = 2 * sphere.alm_index(lmax, degree, np.arange(degree + 1))
+        index[degree**2 : (degree + 1) ** 2] = np.concatenate([real, real[1:] + 1])
     factor = np.full(len(index), np.sqrt(2))
     factor[np.arange(lmax + 1) ** 2] = 1
     index.flags.writeable = factor.flags.writeable = False
@@ -33,20 +32,24 @@ def degrees(lmax):
     return np.repeat(np.arange(lmax + 1), 2 * np.arange(lmax + 1) + 1)
 
 
-def to_modes(alms):
-    """Real modes of healpy's coefficients, (..., n_alm) to (..., (lmax + 1)^2) float64."""
-    alms = np.asarray(alms)
+def to_modes(alms, first=0, last=None):
+    """Real modes of healpy's coefficients, (..., n_alm) to (..., (lmax + 1)^2) float64.
+
+    Or those of l from `first` to `last`, both included.
+    """
+    alms, block = np.asarray(alms), slice(first**2, None if last is None else (last + 1) ** 2)
     index, factor = _order(sphere.lmax_of_size(alms.shape[-1]))
-    return np.concatenate([alms.real, alms.imag], axis=-1, dtype=np.float64)[..., index] * factor
+    numbers = np.ascontiguousarray(alms).view(alms.real.dtype)
+    return numbers[..., index[block]] * factor[block]
 
 
 def from_modes(modes):
     """healpy's coefficients of real modes, the inverse of `to_modes`; complex128."""
     lmax = round(np.sqrt(modes.shape[-1])) - 1
-    n_alm, (index, factor) = sphere.alm_size(lmax), _order(lmax)
-    numbers = np.zeros((*modes.shape[:-1], 2 * n_alm))
+    index, factor = _order(lmax)
+    numbers = np.zeros((*modes.shape[:-1], 2 * sphere.alm_size(lmax)))
     numbers[..., index] = modes * (1 / factor)
-    return numbers[..., :n_alm] + 1j * numbers[..., n_alm:]
+    return numbers.view(np.complex128)
 
 
 def blocks(modes):

@@ -1,6 +1,6 @@
 """Smooth spectra, at every multipole as many as exceed HI and noise; a method of himap."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -9,10 +9,8 @@ from scipy.linalg import toeplitz
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.low_rank import LowRankCube
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.covariance import common_axes
 from himap.removal.separation import ordered
 from himap.removal.spectral_filter import SpectralFilter, filtered
 
@@ -35,29 +33,6 @@ class FilteredSeparation(Separation):
 
     filter: SpectralFilter
 
-    def drawn(self, rng):
-        """The same with a foreground drawn from its posterior, given the maps and both covariances.
-
-        The mean of the foreground given the maps, a Wiener filter, has less power than the foreground. A draw
-        has as much (Wandelt, Larson & Lakshminarayanan 2004): to the mean is added W_l s_l, with the
-        covariance of sources of unit variance given the maps, (W_l^T C^-1 W_l + 1)^-1.
-        """
-        spectra = self.filter.spectra
-        axes = common_axes(spectra)
-        modes = np.zeros((axes.shape[1], len(spectra) ** 2))
-        for degree, out in enumerate(harmonic.blocks(modes)[1:], 1):  # means are subtracted
-            within = spectra[degree]
-            precision = within.T @ np.linalg.solve(self.filter.faint_at(degree), within)
-            space, mixing = np.linalg.qr(within)
-            covariance = mixing @ np.linalg.solve(precision + np.eye(len(precision)), mixing.T)
-            values, turn = np.linalg.eigh(covariance)
-            root = (turn * np.sqrt(np.maximum(values, 0))) @ turn.T
-            # Of draws in channels: the axes, and so draws along them, have a sign by chance.
-            drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
-            out[:] = (axes.T @ space) @ (root @ drawn)
-        more = sphere.synthesise(harmonic.from_modes(modes), sphere.nside_of(self.sources))
-        return replace(self, low_rank=self.foreground + LowRankCube(spectra=axes, maps=more))
-
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothSpectra(ForegroundRemover):
@@ -78,8 +53,7 @@ class SmoothSpectra(ForegroundRemover):
 
     The mean of the foreground given X, a Wiener filter, is subtracted. The HI that it removes with it is
     known from C, without the truth and without mocks (`himap.measures.transfer.expected_mock_power`).
-    Where C is known, from mocks (`faint_covariances`), it is what is `known` of the data as "faint", and
-    nothing alternates. `mixing` and `sources` are the principal axes of the foreground before the beam, all l
+    `mixing` and `sources` are the principal axes of the foreground before the beam, all l
     together. It has not converged where HI comes out as steep as a foreground, which then remains: with few
     channels in a narrow band, or a small `n_sources`. There is no threshold to choose, no noise level to know
     and no randomness.
@@ -110,15 +84,11 @@ class SmoothSpectra(ForegroundRemover):
         rounding = _ROUNDING**2 * np.mean(np.square(maps, dtype=np.float64)) * 4 * np.pi / maps.shape[1]
         basis = smooth_basis(freqs, self.n_smooth)
         edges, bands = multipole_bands(lmax), []
-        faint = data.known.get("faint", [None] * len(edges))
-        for (first, last), known in zip(progress(edges, self.name), faint, strict=True):
+        for first, last in progress(edges, self.name):
             blocks = [modes.at(degree) for degree in range(first, last + 1)]
             seen = windows.T[first : last + 1, :, None] * basis
             try:
-                if known is None:
-                    bands.append(_settled(blocks, seen, freqs, rounding, self.n_sources))
-                else:
-                    bands.append(_band(blocks, seen, known, self.n_sources))
+                bands.append(_settled(blocks, seen, freqs, rounding, self.n_sources))
             except np.linalg.LinAlgError:
                 raise InputError(
                     f"HI and {self.n_smooth} smooth functions cannot be separated over "
@@ -177,14 +147,9 @@ def _settled(data, seen, freqs, rounding, n_sources):
         converged = bool(np.linalg.norm(faint - before) <= _SETTLED * np.linalg.norm(before))
     values = np.linalg.eigvalsh(before)
     converged &= bool(values[-1] < _STEEPEST * np.median(values))
-    return (*_band(data, seen, before, n_sources)[:-2], converged, n_turns)
-
-
-def _band(data, seen, faint, n_sources):
-    """What `_settled` returns, with a covariance C that is known."""
-    axes, estimators = _filter(data, seen, faint, n_sources)
+    axes, estimators = _filter(data, seen, before, n_sources)
     amplitudes = [axes @ (one @ block) for one, block in zip(estimators, data, strict=True)]
-    return seen @ axes, estimators, faint, np.hstack(amplitudes), True, 0
+    return seen @ axes, estimators, before, np.hstack(amplitudes), converged, n_turns
 
 
 def _filter(data, seen, faint, n_sources):
@@ -203,28 +168,6 @@ def _filter(data, seen, faint, n_sources):
     axes = root @ (axes * np.sqrt(shrunk_variance(values, len(axes) / n_modes)))  # sources of unit variance
     precision = axes.T @ known @ axes + np.eye(n_sources)
     return axes, np.linalg.solve(precision, np.swapaxes(weighted @ axes, 1, 2))
-
-
-def faint_covariances(fields, freqs, lmax):
-    """C of each band of multipoles, (n_bands, n_channels, n_channels), of fields of HI and noise alone.
-
-    Parameters
-    ----------
-    fields
-        Real modes of each, (n_channels, (lmax + 1)^2), mK, through the beam, less channel means.
-    freqs
-        Channel centres, MHz.
-    lmax
-        Last l.
-    """
-    edges, products, n_fields = multipole_bands(lmax), 0, 0
-    places = [slice(max(first, 1) ** 2, (last + 1) ** 2) for first, last in edges]
-    for field in fields:
-        products = products + np.array([field[:, place] @ field[:, place].T for place in places])
-        n_fields += 1
-    n_modes = [n_fields * (place.stop - place.start) for place in places]
-    pairs = zip(products, n_modes, strict=True)
-    return np.array([faint_covariance(product / n, freqs, 0) for product, n in pairs])
 
 
 def smooth_basis(freqs, n_smooth):
@@ -253,11 +196,16 @@ def shrunk_variance(values, ratio):
     to the edge (1 + sqrt(ratio))^2 of the eigenvalues of noise alone (Marchenko & Pastur 1967), from there
     on without a step. `ratio` is dimensions over samples.
     """
+    signal = signal_variance(values, ratio)
+    bright = np.maximum(signal, np.sqrt(ratio))
+    return signal * np.maximum(1 - ratio / bright**2, 0) / (1 + ratio / bright)
+
+
+def signal_variance(values, ratio):
+    """The same without shrinkage: the variance along axes that are known (Baik & Silverstein 2006)."""
     edge = (1 + np.sqrt(ratio)) ** 2
     half = (np.maximum(values, edge) + 1 - ratio) / 2
-    signal = half + np.sqrt(np.maximum(half**2 - np.maximum(values, edge), 0)) - 1
-    cosine = np.maximum(1 - ratio / signal**2, 0) / (1 + ratio / signal)
-    return np.where(values > edge, signal * cosine, 0)
+    return np.where(values > edge, half + np.sqrt(np.maximum(half**2 - np.maximum(values, edge), 0)) - 1, 0)
 
 
 def faint_covariance(products, freqs, n_removed):

@@ -1,0 +1,217 @@
+"""What is known of the foreground of a cube where HI and noise are like some mocks, and draws of it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import wishart
+
+from himap.core.errors import InputError
+from himap.core.progress import progress
+from himap.maps import sphere
+from himap.maps.low_rank import LowRankCube
+from himap.removal import harmonic
+from himap.removal.covariance import common_axes
+from himap.removal.smooth_spectra import (
+    FilteredSeparation,
+    faint_covariance,
+    multipole_bands,
+    signal_variance,
+    smooth_basis,
+)
+from himap.removal.spectral_filter import SpectralFilter, filtered
+
+_N_SMOOTH = 6  # smooth functions: they hold any power law to the last digit of float32
+_BRIGHT = 100  # times HI and noise: more than the errors beyond 2 nside
+_REACH = 2  # bands on either side that the faint spectra of a band are estimated from too
+
+
+def products_of(fields, lmax):
+    """Mean products of two channels in each band of multipoles, (n_bands, n_channels, n_channels), mK^2.
+
+    Of `fields` of HI and noise alone, their coefficients (n_channels, n_alm), mK, through the beam, less
+    channel means.
+    """
+    edges, products, n_fields = multipole_bands(lmax), 0, 0
+    for field in fields:
+        n_fields += 1
+        bands = (harmonic.to_modes(field, max(first, 1), last) for first, last in edges)
+        products = products + np.array([modes @ modes.T for modes in bands])
+    n_modes = [(last + 1) ** 2 - max(first, 1) ** 2 for first, last in edges]
+    return products / n_fields / np.array(n_modes)[:, None, None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothForeground:
+    """The covariance of the foreground of some data, if HI and noise are like mocks.
+
+    As in `SmoothSpectra` the foreground is smooth functions of frequency seen through the beams, with a
+    covariance of its own in each band of multipoles. Here that of HI and noise is known, so that the power of
+    the foreground is what the data have more; it is not shrunk, for that would be a bias.
+
+    Attributes
+    ----------
+    faint
+        Covariance of HI and noise per mode in each band, mK^2, (n_bands, n_channels, n_channels).
+    roots
+        R, (n_bands, n_smooth, n_smooth), with R R^T the covariance of what is HI and noise in the amplitudes
+        of the smooth functions, by least squares.
+    axes
+        Those of the foreground, (n_smooth, n_smooth) of each band, a list: R axes axes^T R^T is its
+        covariance.
+    n_modes
+        Of each band.
+    n_exact
+        How many of the bands end before 2 nside. Beyond, HEALPix holds what is bright with errors like HI.
+    """
+
+    faint: np.ndarray
+    roots: np.ndarray
+    axes: list
+    n_modes: tuple
+    n_exact: int
+
+    def draw(self, data, rng):
+        """A foreground drawn from what is known of that of the data, a `FilteredSeparation`.
+
+        First its covariance, from what would be estimated of skies with this one. Then the foreground given
+        data and covariances: to the mean, a Wiener filter, which has less power than the foreground, is added
+        W_l s_l, with the covariance of sources of unit variance given the data, (W_l^T C^-1 W_l + 1)^-1
+        (Wandelt, Larson & Lakshminarayanan 2004).
+        """
+        totals = []
+        for axes, n in zip(self.axes, self.n_modes, strict=True):
+            total = axes @ axes.T + np.eye(len(axes))
+            totals.append(np.atleast_2d(wishart(n, total / n).rvs(random_state=rng)))
+        mean = replace(self, axes=_axes(totals, self.n_modes, self.n_exact)).mean(data)
+        return _with_scatter(mean, rng)
+
+    def mean(self, data):
+        """The mean of the foreground given the data, and the filter that makes it, a `FilteredSeparation`."""
+        spectra, estimators = [], []
+        edges, seen = multipole_bands(_lmax(data)), _seen(data)
+        for (first, last), faint, root, axes in zip(edges, self.faint, self.roots, self.axes, strict=True):
+            within = seen[first : last + 1] @ root @ axes
+            weighted = np.linalg.solve(faint, within)
+            precision = np.swapaxes(within, 1, 2) @ weighted + np.eye(axes.shape[1])
+            spectra.append(within)
+            estimators.append(np.linalg.solve(precision, np.swapaxes(weighted, 1, 2)))
+        linear = SpectralFilter(
+            spectra=np.concatenate(spectra),
+            estimators=np.concatenate(estimators),
+            faint=self.faint,
+            first=np.array(edges)[:, 0],
+        )
+        mean = filtered(linear.spectra, linear.estimators, data.centred, data.modes)
+        return FilteredSeparation(
+            mixing=mean.spectra, sources=mean.maps, low_rank=mean, filter=linear, means=data.means
+        )
+
+
+def _lmax(data):
+    return min(3 * sphere.nside_of(data.maps), data.beams.shape[1]) - 1
+
+
+def _seen(data):
+    """Smooth functions through the beams, (n_l, n_channels, n_smooth)."""
+    windows = (data.beams / data.beams.max(axis=0)).T[: _lmax(data) + 1, :, None]
+    return windows * smooth_basis(data.freqs, _N_SMOOTH)
+
+
+def foreground_given(data, products):
+    """The `SmoothForeground` of data, where HI and noise have the covariance of mocks.
+
+    Parameters
+    ----------
+    data
+        `Data` of the full sphere with beams, and with the peaks that the mocks have too.
+    products
+        Of the mocks (`products_of`).
+
+    Raises
+    ------
+    InputError
+        Too few channels, or too narrow a band, for the smooth functions.
+    """
+    freqs = data.freqs
+    wanted = f"error bars need the foreground as {_N_SMOOTH} smooth functions of frequency"
+    if len(freqs) <= _N_SMOOTH:
+        raise InputError(f"{wanted}, so more channels than these, got {len(freqs)}: take more channels.")
+    edges, seen = multipole_bands(_lmax(data)), _seen(data)
+    faint = np.array([faint_covariance(product, freqs, 0) for product in products])
+    pairs = zip(faint, products, strict=True)
+    try:
+        bands = [_amplitudes(data.modes, band, seen, *next(pairs)) for band in progress(edges, "foreground")]
+    except np.linalg.LinAlgError:
+        raise InputError(
+            f"{wanted}, and over {freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels these cannot be "
+            "separated from HI: take a wider band."
+        ) from None
+    roots, totals, n_modes = zip(*bands, strict=True)
+    n_exact = max(1, sum(last <= 2 * sphere.nside_of(data.maps) for _, last in edges))
+    axes = _axes(totals, n_modes, n_exact)
+    return SmoothForeground(faint=faint, roots=np.array(roots), axes=axes, n_modes=n_modes, n_exact=n_exact)
+
+
+def _amplitudes(modes, band, seen, faint, product):
+    """One band: R as in `SmoothForeground`, the covariance R^-1 D R^-T of all amplitudes, and n_modes.
+
+    Without foreground it is 1, but for chance. Amplitudes follow by least squares weighted with the inverse
+    of `faint`; what is HI and noise in them follows from `product`.
+    """
+    noise, total, n_modes = 0, 0, 0
+    for degree in range(max(band[0], 1), band[1] + 1):
+        data, weighted = modes.at(degree), np.linalg.solve(faint, seen[degree])
+        estimator = np.linalg.solve(seen[degree].T @ weighted, weighted.T)
+        amplitudes = estimator @ data
+        noise = noise + data.shape[1] * (estimator @ product @ estimator.T)
+        total, n_modes = total + amplitudes @ amplitudes.T, n_modes + data.shape[1]
+    root = np.linalg.cholesky(noise / n_modes)
+    return root, np.linalg.solve(root, np.linalg.solve(root, total / n_modes).T), n_modes
+
+
+def _axes(totals, n_modes, n_exact):
+    """Axes of the foreground in amplitudes of which HI and noise have the covariance 1, of each band, a list.
+
+    Of the covariances of all, (n_smooth, n_smooth) each. Axes that are bright in a band are its own. Beyond
+    these its foreground is the mean of the bands around it, weighted with their modes but none with more than
+    its own, so that what is fainter at higher l hardly counts. Bands after the first `n_exact` have what is
+    faint in the last of these.
+    """
+    own, rest, excess, several = [], [], [], []
+    for place, (total, n) in enumerate(zip(totals, n_modes, strict=True)):
+        values, axes = np.linalg.eigh(total)
+        variances = signal_variance(values, len(values) / n)
+        bright = variances > (0 if place < n_exact else _BRIGHT)
+        own.append(axes[:, bright] * np.sqrt(variances[bright]))
+        rest.append(axes[:, ~bright])
+        excess.append(rest[-1] @ (np.diag(values[~bright] - 1) @ rest[-1].T))
+    for place in range(n_exact):
+        around = slice(max(0, place - _REACH), min(place + _REACH + 1, n_exact))
+        modes = np.array(n_modes[around], dtype=float)
+        weights = np.minimum(modes, n_modes[place])
+        weights /= weights.sum()
+        values, axes = np.linalg.eigh(rest[place].T @ np.tensordot(weights, excess[around], 1) @ rest[place])
+        variances = signal_variance(1 + values, len(values) * np.sum(weights**2 / modes))
+        several.append(np.hstack([own[place], rest[place] @ axes * np.sqrt(variances)]))
+    dim = several[-1][:, np.sum(several[-1] ** 2, axis=0) < _BRIGHT]
+    beyond = zip(own[n_exact:], rest[n_exact:], strict=True)
+    return several + [np.hstack([bright, axes @ (axes.T @ dim)]) for bright, axes in beyond]
+
+
+def _with_scatter(mean, rng):
+    """A `FilteredSeparation` with a foreground drawn from the posterior whose mean it has."""
+    spectra = mean.filter.spectra
+    axes = common_axes(spectra)
+    modes = np.zeros((axes.shape[1], len(spectra) ** 2))
+    for degree, out in enumerate(harmonic.blocks(modes)[1:], 1):  # means are subtracted
+        within = spectra[degree]
+        precision = within.T @ np.linalg.solve(mean.filter.faint_at(degree), within)
+        space, mixing = np.linalg.qr(within)
+        covariance = mixing @ np.linalg.solve(precision + np.eye(len(precision)), mixing.T)
+        values, turn = np.linalg.eigh(covariance)
+        root = (turn * np.sqrt(np.maximum(values, 0))) @ turn.T
+        # Of draws in channels: the axes, and so draws along them, have a sign by chance.
+        drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
+        out[:] = (axes.T @ space) @ (root @ drawn)
+    more = sphere.synthesise(harmonic.from_modes(modes), sphere.nside_of(mean.sources))
+    return replace(mean, low_rank=mean.foreground + LowRankCube(spectra=axes, maps=more))

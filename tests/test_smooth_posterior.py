@@ -1,0 +1,113 @@
+"""Draws of the foreground: the posterior of known covariances, and the power of what few spectra leave."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from smooth_problem import BEAMS, FREQS, LMAX, NSIDE, hi_covariance, make_sky
+
+from himap.maps import sphere
+from himap.removal import harmonic
+from himap.removal.data import Data
+from himap.removal.smooth_posterior import SmoothForeground, foreground_given, products_of
+from himap.removal.smooth_spectra import multipole_bands, smooth_basis
+
+ENDS = BEAMS[:, : LMAX + 1]
+EDGES = multipole_bands(LMAX)
+
+
+@pytest.fixture(scope="module")
+def products():
+    rng = np.random.default_rng(3)
+    return products_of((make_sky(rng).hi for _ in range(12)), LMAX)
+
+
+def data_of(maps):
+    return Data.of(maps, freqs=FREQS, beams=ENDS)
+
+
+def power(cube, low, high):
+    """In multipoles from `low` to `high`, summed over channels, mK^2."""
+    cl = sphere.power_spectrum(sphere.analyse(np.asarray(cube, dtype=float), LMAX)).sum(axis=0)
+    return np.sum((2 * np.arange(low, high + 1) + 1) * cl[low : high + 1])
+
+
+def test_products_are_those_of_the_field(products):
+    for (first, last), product in zip(EDGES, products, strict=True):
+        beams = BEAMS[:, (first + last + 1) // 2]
+        expected = hi_covariance() * np.outer(beams, beams)
+        _, vectors = np.linalg.eigh(expected)
+        ratios = np.diag(vectors.T @ product @ vectors) / np.diag(vectors.T @ expected @ vectors)
+        assert ratios.mean() == pytest.approx(1, abs=0.05)
+        assert ratios == pytest.approx(np.ones(len(FREQS)), abs=5 * np.sqrt(2 / 12 / (2 * first + 6)))
+
+
+def test_the_mean_is_that_of_the_foreground_given_the_data(products):
+    """F (F + C)^-1 X, with the covariances as matrices between channels (Wiener 1949)."""
+    data = data_of(make_sky(np.random.default_rng(8)).maps)
+    linear = foreground_given(data, products).mean(data).filter
+    for degree in (3, 11, 30):
+        spectra, faint = linear.spectra[degree], linear.faint_at(degree)
+        foreground = spectra @ spectra.T
+        expected = np.linalg.solve(foreground + faint, foreground).T
+        assert spectra @ linear.estimators[degree] == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize(("brightness", "close"), [(50, 0.012), (300, 0.012), (3e3, 0.1)])
+def test_draws_have_the_power_that_few_spectra_leave(products, brightness, close):
+    """Of what two spectra leave, from 0.003 to 100 times HI, relative to HI."""
+    rng = np.random.default_rng(11)
+    errors = []
+    for _ in range(6):
+        sky = make_sky(rng, brightness=brightness)
+        data = data_of(sky.maps)
+        drawn = foreground_given(data, products).draw(data, rng).foreground.cube()
+        first = np.linalg.svd(sky.foreground, full_matrices=False)[0][:, :2]
+        pairs = [one - first @ (first.T @ one) for one in (drawn, sky.foreground)]
+        bands = (5, 9), (10, 19), (20, LMAX)
+        errors.append(
+            [(power(pairs[0], *band) - power(pairs[1], *band)) / power(sky.truth, *band) for band in bands]
+        )
+    assert np.mean(errors, axis=0) == pytest.approx(np.zeros(3), abs=close)
+
+
+def test_without_a_foreground_hardly_anything_is_drawn(products):
+    sky = make_sky(np.random.default_rng(5), brightness=1e-9)
+    data = data_of(sky.maps)
+    drawn = foreground_given(data, products).draw(data, np.random.default_rng(1)).foreground.cube()
+    assert power(drawn, 5, LMAX) < 0.02 * power(sky.truth, 5, LMAX)
+
+
+def test_draws_given_the_covariance_have_its_posterior(rng):
+    """Sources as bright as noise, and of a quarter: their means have 1 / 2 and 1 / 5 of the variance."""
+    basis, variances = smooth_basis(FREQS, 6), np.array([1, 0.25, *np.zeros(4)])
+    shape = (len(basis), (3 * NSIDE) ** 2)
+    alms = basis @ (np.sqrt(variances)[:, None] * rng.standard_normal((6, shape[1]))) + rng.standard_normal(
+        shape
+    )
+    alms[:, 0] = 0
+    maps = sphere.synthesise(harmonic.from_modes(alms), NSIDE)
+    data = Data.of(maps, freqs=FREQS, beams=np.ones((len(basis), 3 * NSIDE)))
+    n_bands = len(multipole_bands(3 * NSIDE - 1))
+    known = SmoothForeground(
+        faint=np.array([np.eye(len(basis))] * n_bands),
+        roots=np.array([np.eye(6)] * n_bands),
+        axes=[np.diag(np.sqrt(variances))] * n_bands,
+        n_modes=(10**9,) * n_bands,  # so that the covariance is certain
+        n_exact=n_bands,
+    )
+
+    def sources_of(found):
+        modes = harmonic.to_modes(sphere.analyse(found.foreground.maps, 2 * NSIDE))
+        return (basis[:, :2].T @ found.foreground.spectra) @ modes
+
+    mean, drawn = sources_of(known.mean(data)), [sources_of(known.draw(data, rng)) for _ in range(10)]
+    gain = variances[:2] / (variances[:2] + 1)
+    assert np.cov(mean) == pytest.approx(np.diag(variances[:2] * gain), abs=0.06)
+    assert np.cov(np.hstack(drawn)) == pytest.approx(np.diag(variances[:2]), abs=0.12)
+    differences = [one - other for one, other in zip(drawn[::2], drawn[1::2], strict=True)]
+    assert np.cov(np.hstack(differences)) == pytest.approx(np.diag(2 * gain), abs=0.12)
+    assert np.mean(np.square([one[:, 0] for one in drawn])) < 0.05  # means are subtracted
+    turned = replace(known, axes=[axes * [-1, *np.ones(5)] for axes in known.axes])
+    both = (one.draw(data, np.random.default_rng(1)).foreground for one in (known, turned))
+    assert np.ptp([one.cube() for one in both], axis=0).max() < 1e-4  # the sign of an axis is chance
