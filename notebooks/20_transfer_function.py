@@ -42,12 +42,13 @@
 #
 # **Which foreground?** A method with few sources leaves in the residual whatever they do not hold, and takes
 # some HI into the faintest of them. Its own $\hat f$ has no residual, and a correction by it no knowledge of
-# one. For all methods $\hat f$ is therefore that of SmoothSpectra, with the covariance of HI and noise from
-# the mocks: at every multipole all smooth spectra, seen through the beam, that exceed these. Its estimate is a
-# Wiener filter, the mean of the foreground given the data, and has less power than the foreground, above all
-# where that is no brighter than HI; so each member has its own $\hat f$, drawn from the posterior with this
-# mean ({cite:t}`wandelt2004`). If the method is a projection, $b$ is then its *foreground residual*; else it
-# may be negative.
+# one. For all methods $\hat f$ is therefore made of smooth spectra, seen through the beam, with the covariance
+# that the data have beyond that of the mocks; what is too faint to be seen in one band of multipoles is
+# estimated from several. Each member has its own $\hat f$: first a covariance is drawn, as it would be
+# estimated from other skies like this one, then a foreground from its posterior given the data
+# ({cite:t}`wandelt2004`). The mean of that, a Wiener filter, has less power than the foreground, above all
+# where that is no brighter than HI. If the method is a projection, $b$ is then its *foreground residual*; else
+# it may be negative.
 # `himap transfer` and `himap clean --mocks` have the $\hat f$ of the method itself instead, for which neither
 # the whole sphere nor a beam is needed; they take one source more where that one removes significantly more
 # from the data than from the members.

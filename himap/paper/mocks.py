@@ -150,8 +150,8 @@ def resampled(case, removers, mock, mocks, mask_peaks=True):
     """A member of a parametric bootstrap, whose truth is a mock: a list with the `MockPower` of each method.
 
     For all methods the foreground is drawn from what is known of it if HI and noise are like some `mocks`
-    (`foreground_given`): at every multipole all smooth spectra that exceed these, through the beam. A method
-    with few spectra has less of the foreground and more of HI in what it finds.
+    (`SmoothForeground`). A method with few spectra has less of the foreground and more of HI in what it
+    finds.
     """
     alms, maps = _alms_and_maps(case, mock)
     model = cleaned.cleaning(case, removers[0], mask_peaks)
