@@ -71,6 +71,17 @@ def test_draws_have_the_power_that_few_spectra_leave(products, brightness, close
     assert np.mean(errors, axis=0) == pytest.approx(np.zeros(3), abs=close)
 
 
+def test_mocks_need_not_have_the_power_of_the_data(products):
+    """Of HI and noise, in any band: only how it depends on k."""
+    data = data_of(make_sky(np.random.default_rng(8), brightness=100).maps)
+    factors = np.linspace(0.5, 2, len(products))[:, None, None]
+    usual, other = (
+        foreground_given(data, some).draw(data, np.random.default_rng(1)).foreground.cube()
+        for some in (products, factors * products)
+    )
+    assert other == pytest.approx(usual, abs=1e-5 * float(usual.std()))
+
+
 def test_without_a_foreground_hardly_anything_is_drawn(products):
     sky = make_sky(np.random.default_rng(5), brightness=1e-9)
     data = data_of(sky.maps)

@@ -45,8 +45,8 @@ class SmoothForeground:
     """The covariance of the foreground of some data, if HI and noise are like mocks.
 
     As in `SmoothSpectra` the foreground is smooth functions of frequency seen through the beams, with a
-    covariance of its own in each band of multipoles. Here that of HI and noise is known, so that the power of
-    the foreground is what the data have more; it is not shrunk, for that would be a bias.
+    covariance of its own in each band of multipoles. Here that of HI and noise is known but for a factor, so
+    that the power of the foreground is what the data have more; it is not shrunk, for that would be a bias.
 
     Attributes
     ----------
@@ -136,11 +136,12 @@ def foreground_given(data, products):
     wanted = f"error bars need the foreground as {_N_SMOOTH} smooth functions of frequency"
     if len(freqs) <= _N_SMOOTH:
         raise InputError(f"{wanted}, so more channels than these, got {len(freqs)}: take more channels.")
-    edges, seen = multipole_bands(_lmax(data)), _seen(data)
+    edges, seen, modes = multipole_bands(_lmax(data)), _seen(data), data.modes
+    products = [_scaled(modes, *one, seen) for one in zip(edges, products, strict=True)]
     faint = np.array([faint_covariance(product, freqs, 0) for product in products])
     pairs = zip(faint, products, strict=True)
     try:
-        bands = [_amplitudes(data.modes, band, seen, *next(pairs)) for band in progress(edges, "foreground")]
+        bands = [_amplitudes(modes, band, seen, *next(pairs)) for band in progress(edges, "foreground")]
     except np.linalg.LinAlgError:
         raise InputError(
             f"{wanted}, and over {freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels these cannot be "
@@ -150,6 +151,19 @@ def foreground_given(data, products):
     n_exact = max(1, sum(last <= 2 * sphere.nside_of(data.maps) for _, last in edges))
     axes = _axes(totals, n_modes, n_exact)
     return SmoothForeground(faint=faint, roots=np.array(roots), axes=axes, n_modes=n_modes, n_exact=n_exact)
+
+
+def _scaled(modes, band, product, seen):
+    """The product of one band with the power that the data have in spectra that are not smooth.
+
+    So the mocks say how the power of HI depends on k, but not how much there is.
+    """
+    power, expected = 0, 0
+    for degree in range(max(band[0], 1), band[1] + 1):
+        data, smooth = modes.at(degree), np.linalg.qr(seen[degree])[0]
+        power += np.sum((data - smooth @ (smooth.T @ data)) ** 2)
+        expected += data.shape[1] * (np.trace(product) - np.sum(smooth * (product @ smooth)))
+    return product * (power / expected)
 
 
 def _amplitudes(modes, band, seen, faint, product):
