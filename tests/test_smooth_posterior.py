@@ -122,3 +122,20 @@ def test_draws_given_the_covariance_have_its_posterior(rng):
     turned = replace(known, axes=[axes * [-1, *np.ones(5)] for axes in known.axes])
     both = (one.draw(data, np.random.default_rng(1)).foreground for one in (known, turned))
     assert np.ptp([one.cube() for one in both], axis=0).max() < 1e-4  # the sign of an axis is chance
+
+
+def test_draws_scatter_as_estimates_do(products):
+    """In the power of what is faint: draws of one sky as their means over several skies do about the truth."""
+    rng, errors, scatter = np.random.default_rng(3), [], []
+    for _ in range(8):
+        sky = make_sky(rng, brightness=60)
+        data = data_of(sky.maps)
+        known = foreground_given(data, products)
+        first = np.linalg.svd(sky.foreground, full_matrices=False)[0][:, :2]
+        true, *drawn = (
+            power(one - first @ (first.T @ one), 5, LMAX)
+            for one in (sky.foreground, *(known.draw(data, rng).foreground.cube() for _ in range(4)))
+        )
+        errors.append(np.mean(drawn) - true)
+        scatter.append(np.std(drawn, ddof=1))
+    assert 0.5 < np.sqrt(np.mean(np.square(scatter))) / np.std(errors) < 3
