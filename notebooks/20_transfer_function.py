@@ -425,16 +425,16 @@ show_table(rows, columns=4)
 
 # %% [markdown]
 # - **The foreground residual is estimated without the truth and subtracted** (column *foreground*). It is
-#   largest for BeamSubspace with three sources on the real Galaxy, and there the estimate is too low.
-# - **The correction is only as good as the estimated foreground.** It lacks what is fainter than HI at every
-#   multipole. The draws add what a Wiener filter lacks, and with the covariance of HI and noise from the mocks
-#   little of what is drawn is HI; but that is right for HI like that of the mocks alone. At `quick` the error
-#   bars of BeamSubspace and SmoothSpectra remain too small: how much foreground the residual holds has an error
-#   that all members share.
-# - **So the correction is a systematic error too.** Nothing in the data says which share of the foreground
-#   residual the estimate holds, so the whole of what was subtracted is quoted, and added in quadrature. That is
-#   too cautious where much was subtracted, as for BeamSubspace on the real Galaxy, and hardly helps
-#   SmoothSpectra at `quick`, from whose spectra little was.
+#   largest for BeamSubspace with three sources on the real Galaxy.
+# - **The correction is only as good as the estimated foreground.** Its power is what the data have beyond the
+#   mocks, of which only the shape in $k_\nu$ counts, since the power of HI and noise is that of the data in
+#   spectra that are not smooth. How well it is known is in the error bar, since each member draws its own. It
+#   is assumed that foregrounds are smooth, that the beam is right, and that HI has the shape of the mocks.
+# - **So the correction is a systematic error too.** As that is assumed and not measured, the whole of what was
+#   subtracted is quoted, and added in quadrature. That is too cautious where much was subtracted, as for
+#   BeamSubspace on the real Galaxy.
+# - **The error bars of SmoothSpectra at `quick` are too small.** Which spectra it subtracts differs more
+#   between skies than between members of one sky.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) and
 #   `one_more` (the change by one source more) in the unit of the spectrum; the columns `error_1` and so on have
 #   the error of each mock, and `himap.measures.bootstrap.covariance` gives their covariance between bands. It
