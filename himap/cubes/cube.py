@@ -9,8 +9,8 @@ from himap.core.errors import InputError
 from himap.cubes.layout import Layout, is_seen, same_freqs
 from himap.cubes.weights import read_mask
 from himap.maps import sphere
-from himap.maps.healpix_io import MILLIKELVIN
-from himap.maps.low_rank import precision
+from himap.maps.healpix_io import MILLIKELVIN, to_ring
+from himap.maps.low_rank import as_float32
 from himap.removal import using
 from himap.removal.data import checked_mask, checked_weights
 
@@ -217,15 +217,15 @@ def make_cube(maps, layout, *, weights=None):
     maps, layout
         As of `himap.cubes.files.read_file`, complete.
     weights
-        Of its voxels, (n_in_file, n_pix), 0 where missing (`himap.cubes.weights.voxel_weights`).
+        Of its voxels, (n_in_file, n_pix), RING, changed in place: 0 where one is not seen.
     """
     # float16 ends at 65504, and longer floats take room.
     floats = np.float32 if np.result_type(maps.dtype, np.float32) == np.float32 else np.float64
-    if weights is None:
-        seen = np.array([*map(is_seen, maps)])
-    else:
+    in_ring = to_ring if layout.pixels.nested else np.asarray
+    seen = np.array([in_ring(is_seen(pixels)) for pixels in maps])
+    if weights is not None:
+        weights *= seen
         seen = weights > 0
-        maps = np.where(seen, maps, np.zeros((), maps.dtype))
     channels = _seen_channels(seen, layout.freqs)
     mask = seen[channels].all(axis=0) if weights is None else seen.any(axis=0)
     if not mask.any():
@@ -234,16 +234,13 @@ def make_cube(maps, layout, *, weights=None):
             f"method that takes weights ({', '.join(using('weights'))}), for which a voxel may be missing "
             "alone (read_cube(..., scattered=True))."
         )
-    factor, dtype = MILLIKELVIN[layout.unit], floats
-    if floats == np.float64:  # for maps that have these digits and need them
-        squares = (np.mean(np.square(maps[place][mask], dtype=np.float64)) for place in channels)
-        dtype = precision(factor * np.sqrt(max(squares)))
-    mask = layout.in_ring(mask)
-    lines = np.empty((len(channels), int(mask.sum())), dtype=dtype)
+    lines = np.empty((len(channels), int(mask.sum())), dtype=floats)
     for place, out in zip(channels, lines, strict=True):
-        out[:] = layout.in_ring(maps[place].astype(floats, copy=False))[mask] * factor
+        pixels = in_ring(maps[place].astype(floats, copy=False))[mask]
+        out[:] = np.where(seen[place, mask], pixels, 0) * MILLIKELVIN[layout.unit]
+    lines = as_float32(lines)  # or float64 as it was
     if weights is not None:
-        weights = np.array([layout.in_ring(weights[place])[mask] for place in channels])
+        weights = weights[np.ix_(channels, mask)]
     freqs = layout.freqs[channels]
     remarks = _remarks_on(lines, freqs, mask, weights, layout)
     if weights is None and are_scattered(maps):

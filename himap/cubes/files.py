@@ -85,7 +85,7 @@ def read_cube(
     With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
     left out, by the method. Without, the pixels that are seen in all channels are kept.
     """
-    weighed = weights is not None or flags is not None
+    weighed, voxels = weights is not None or flags is not None, None
     names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}
     with reading(path):
         maps, layout = read_file(path, **names, axes=axes, held=_HELD + _HELD_WEIGHTS * weighed)
@@ -93,11 +93,12 @@ def read_cube(
         if not layout.pixels.whole_sky and axes is None:
             layout = layout.noted(*remark_on_axes(maps, layout.pixels))
         if weighed:
-            weights, layout = voxel_weights(maps, layout, weights=weights, flags=flags, rotate=rotate)
+            options = {"weights": weights, "flags": flags, "rotate": rotate}
+            voxels, layout = voxel_weights(maps.shape, layout, **options)
         elif scattered and are_scattered(maps):
             check_cube_room(path, maps.size, 0, _HELD + _HELD_WEIGHTS)
-            weights, layout = voxel_weights(maps, layout)
-        return make_cube(maps, layout, weights=weights)
+            voxels = np.ones(maps.shape)
+        return make_cube(maps, layout, weights=voxels)
 
 
 def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, rotate=False, **given):

@@ -10,7 +10,7 @@ from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
 from himap.maps import sphere
 from himap.maps.frames import FRAMES, frame_name, spectral_frame_of
-from himap.maps.healpix_io import MILLIKELVIN, to_ring, write_maps
+from himap.maps.healpix_io import MILLIKELVIN, write_maps
 
 LARGEST = 1e15
 """What is as large as this is no number: healpy marks missing pixels with -1.6e30."""
@@ -188,21 +188,14 @@ class Layout:
             )
         return replace(self, pixels=pixels, about=about).noted(*said)
 
-    def in_ring(self, pixels):
-        """A map as in the file, (n_pix,), in the order of a `Cube`."""
-        return to_ring(pixels) if self.pixels.nested else pixels
-
-    def in_own_order(self, pixels):
-        """A map of a `Cube`, (n_pix,), in the order of the file."""
-        return pixels[sphere.nest_to_ring(self.pixels.nside)] if self.pixels.nested else pixels
-
     def as_given(self, maps, mask):
         """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
         out = np.full((len(self.freqs), len(mask)), np.nan, dtype=maps.dtype)
         full_map = np.full(len(mask), np.nan, dtype=maps.dtype)
+        order = sphere.nest_to_ring(self.pixels.nside) if self.pixels.nested else slice(None)
         for place, pixels in zip(self.channels, maps, strict=True):
             full_map[mask] = pixels / MILLIKELVIN[self.unit]
-            out[place] = self.in_own_order(full_map)
+            out[place] = full_map[order]
         return out.reshape(-1, *self.pixels.shape)
 
 

@@ -10,7 +10,7 @@ from himap.core.checks import real_array
 from himap.core.errors import InputError
 from himap.core.reading import format_of, mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5
-from himap.cubes.layout import Layout, check_cube_room, is_seen, same_freqs
+from himap.cubes.layout import Layout, check_cube_room, same_freqs
 from himap.maps import sphere
 from himap.maps.healpix_io import to_ring
 from himap.maps.sphere import pixels_last, sphere_sizes
@@ -41,22 +41,17 @@ def weight_datasets(path, weights, flags):
     return names
 
 
-def voxel_weights(maps, layout, *, weights=None, flags=None, rotate=False):
-    """Weights of the voxels of a cube, (n_in_file, n_pix) float64, in its order, and its `Layout`.
+def voxel_weights(shape, layout, *, weights=None, flags=None, rotate=False):
+    """Weights of the voxels of a cube, (n_in_file, n_pix) float64, RING, 0 where flagged, and its `Layout`.
 
-    Weights are 0 where a voxel is missing. The layout has the frame of the weights where it had none, and
-    says so.
+    The layout has the frame of the weights where it had none, and says so.
 
     Parameters
     ----------
-    maps, layout
-        As of `himap.cubes.files.read_file`, complete; voxels that are not finite, or UNSEEN, are missing.
-    weights, flags
-        Each an array of the pixels, (n_pix,), or of the voxels, (n_channels, n_pix), in the order of those in
-        the file of the cube; of images (n_y, n_x) or (n_channels, n_y, n_x); or the path of one. Of flags
-        True (or 1) is bad, and missing.
-    rotate
-        Whether those of another frame of coordinates are rotated; each pixel takes the value where it lies.
+    shape, layout
+        Of the maps of `himap.cubes.files.read_file`, and theirs, complete.
+    weights, flags, rotate
+        As of `himap.cubes.read_cube`; those of images are (n_y, n_x) or (n_channels, n_y, n_x).
 
     Raises
     ------
@@ -64,18 +59,16 @@ def voxel_weights(maps, layout, *, weights=None, flags=None, rotate=False):
         A file that cannot be read, is of another nside, of other channels or of something else than weights
         or flags.
     """
-    out = np.ones(maps.shape)
+    out = np.ones(shape)
     for word, given in {"weights": weights, "flags": flags}.items():
         if given is not None:
-            values, layout = _values(given, word, layout, maps.shape, rotate)
+            values, layout = _values(given, word, layout, shape, rotate)
             out *= values if word == "weights" else values == 0
-    for row, pixels in zip(out, maps, strict=True):
-        row[~is_seen(pixels)] = 0
     return out, layout
 
 
 def read_mask(path, layout, *, rotate=False):
-    """The mask in a file, (n_pix,) bool in the order of a `Cube`, True where kept, and its `Layout`.
+    """The mask in a file, (n_pix,) bool, RING, True where kept, and the `Layout` of the cube.
 
     A FITS file has a HEALPix map, or an image, of 1 (kept) and 0, or of logical values; UNSEEN, NaN and
     pixels that a partial file leaves out are not kept. A .npy file has them in the order of the cube's own
@@ -88,11 +81,11 @@ def read_mask(path, layout, *, rotate=False):
         frame without `rotate`.
     """
     values, layout = _values(path, "mask", layout, (1, int(np.prod(layout.pixels.shape))), rotate)
-    return layout.in_ring(values[0] > 0), layout
+    return values[0] > 0, layout
 
 
 def _values(given, word, layout, shape, rotate):
-    """Checked numbers (n_channels or 1, n_pix) in the order of the cube, of an array or path; the layout."""
+    """Checked numbers (n_channels or 1, n_pix), RING, of an array or path; the layout of the cube."""
     label, own = f"the {word} {given}" if is_path(given) else f"the {word}", layout.pixels
     if is_path(given):
         values, theirs = _read(given, word, layout)
@@ -110,14 +103,13 @@ def _values(given, word, layout, shape, rotate):
         raise InputError(f"{label} must be {right}; {n_bad} are not.")
     if len(values) > 1 and theirs.freqs is not None and not same_freqs(theirs.freqs, layout.freqs).all():
         raise InputError(f"{label} must have the channels of the cube in the order of its own file.")
-    nested, frame = theirs.pixels.nested, theirs.pixels.frame
+    frame = theirs.pixels.frame
     layout = layout.joined(label, frame, theirs.spectral_frame, rotate=rotate)
-    if nested == own.nested and frame in (None, layout.pixels.frame):
-        return values, layout
-    rows = [to_ring(row) if nested else row for row in values]
+    if theirs.pixels.nested:
+        values = np.array([*map(to_ring, values)])
     if frame not in (None, layout.pixels.frame):  # each pixel takes the value where it lies
-        rows = [row[sphere.pixels_in_frame(own.nside, layout.pixels.frame, frame)] for row in rows]
-    return np.array([layout.in_own_order(row) for row in rows]), layout
+        values = values[:, sphere.pixels_in_frame(own.nside, layout.pixels.frame, frame)]
+    return values, layout
 
 
 def _by_channel(label, values, pixels):
