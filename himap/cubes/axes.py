@@ -33,19 +33,9 @@ _SHARE = 0.6  # of a channel, that a number in a name may be from its centre: na
 
 
 def named_axes(axes, names):
-    """`axes` in the words of `names`, as a list.
+    """`axes` of an array in the order of numpy, such as "ra,dec,freq", as a list of `names`, once each.
 
-    Parameters
-    ----------
-    axes
-        Of an array, in the order of numpy, in one text: "ra,dec,freq".
-    names
-        Those that there must be, once each: of "freq", "lat", "lon" and "pixel".
-
-    Raises
-    ------
-    InputError
-        Others.
+    These are of "freq", "lat", "lon" and "pixel"; an InputError where others are given.
     """
     words = [_AXES.get(word.strip().lower()) for word in str(axes).split(",")]
     if sorted(map(str, words)) != sorted(names):
@@ -170,11 +160,6 @@ def check_names(names, freqs):
     Names that have a number each near the frequencies, in any unit of these or as redshifts, must have that
     of their own; names whose order depends on how decimals are written, or on which of several numbers
     counts, must have such numbers.
-
-    Raises
-    ------
-    InputError
-        They do not.
     """
     split = [_numbers_in(name) for name in names]
     alike = len({tuple(parts[::2]) for parts in split}) == 1

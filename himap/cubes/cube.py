@@ -195,14 +195,10 @@ class Cube:
         return true if self.missing is None else np.where(self.missing, 0, true)
 
 
-def are_scattered(maps):
-    """Whether more than 1 % of the pixels that some channel sees are missing in one that is not blind."""
-    some, every = np.zeros(maps.shape[1], bool), np.ones(maps.shape[1], bool)
-    for row in maps:
-        seen = is_seen(row)
-        if seen.any():
-            some |= seen
-            every &= seen
+def are_scattered(seen):
+    """Whether more than 1 % of the pixels that are seen in some channel, by (n_channels, n_pix) bool, are
+    missing in one that is not blind."""
+    some, every = seen.any(axis=0), seen[seen.any(axis=1)].all(axis=0)
     return bool(np.count_nonzero(some & ~every) > _FEW * np.count_nonzero(some))
 
 
@@ -243,7 +239,7 @@ def make_cube(maps, layout, *, weights=None):
         weights = weights[np.ix_(channels, mask)]
     freqs = layout.freqs[channels]
     remarks = _remarks_on(lines, freqs, mask, weights, layout)
-    if weights is None and are_scattered(maps):
+    if weights is None and are_scattered(seen):
         remarks.append(
             "Pixels that some channels miss are masked in all; methods that take weights keep what is seen "
             f"of them ({', '.join(using('weights'))})."

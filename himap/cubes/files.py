@@ -14,8 +14,7 @@ from himap.core.reading import format_of, mapped_array, read_array, read_numbers
 from himap.cubes import fits, hdf5
 from himap.cubes.axes import check_names, pixel_axis, remark_on_axes
 from himap.cubes.cube import are_scattered, make_cube
-from himap.cubes.image_files import check_no_flux
-from himap.cubes.layout import Layout, check_cube_room, same_freqs
+from himap.cubes.layout import Layout, check_cube_room, is_seen, same_freqs
 from himap.cubes.weights import is_path, voxel_weights, weight_datasets
 from himap.maps.frames import frame_of, is_nested
 from himap.maps.healpix_io import temperature_unit
@@ -95,7 +94,7 @@ def read_cube(
         if weighed:
             options = {"weights": weights, "flags": flags, "rotate": rotate}
             voxels, layout = voxel_weights(maps.shape, layout, **options)
-        elif scattered and are_scattered(maps):
+        elif scattered and are_scattered(np.array([*map(is_seen, maps)])):
             check_cube_room(path, maps.size, 0, _HELD + _HELD_WEIGHTS)
             voxels = np.ones(maps.shape)
         return make_cube(maps, layout, weights=voxels)
@@ -123,19 +122,13 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
-    """What an HDF5, FITS or .npy file, whatever its name ends with, or a folder of FITS files states.
+    """Maps and `Layout` of an HDF5, FITS or .npy file, whatever its name ends with, or a folder of FITS.
 
     FITS holds HEALPix maps in a table, or an image cube with world coordinates; of these each file of a
-    folder may have a range of channels.
+    folder may have a range of channels. Options as of `read_cube`, and for all readers of formats:
 
     Parameters
     ----------
-    path
-        File or folder.
-    maps_name, freqs_name
-        Datasets of an HDF5 file; known by their shapes and names unless given.
-    axes
-        As of `read_cube`.
     aside
         Datasets of an HDF5 file that are no maps and no masks, by the last part of their names.
     held
@@ -165,7 +158,7 @@ def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
         )
     if maps_name is not None or freqs_name is not None:
         raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is none.")
-    read = {"folder": fits.read_folder, "FITS": fits.read_fits, "npy": read_npy}[form]
+    read = read_npy if form == "npy" else fits.read_fits
     return read(path, axes=axes, held=held)
 
 
@@ -220,7 +213,12 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
         sentence = f"The first of its files is {', the last '.join(ends)}."
         layout = replace(layout, remarks=(sentence, *layout.remarks))
     if not pixels.whole_sky:
-        check_no_flux(path, layout.unit or "")
+        if "jy" in (layout.unit or "").lower():
+            raise InputError(
+                f"{path} is in {layout.unit}, and a cube must be in K, mK or uK: convert every channel in "
+                "astropy, as (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)),"
+                " or values in MJy/sr without beam_area, and write BUNIT = 'K'."
+            )
         for name, value in {"order": order, "frame": frame}.items():
             if value is not None:
                 raise InputError(f"an image has no {name} of HEALPix pixels; leave --{name} {value} out.")

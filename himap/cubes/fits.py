@@ -1,16 +1,27 @@
-"""Cubes in FITS: HEALPix maps with a column, or a file, for each channel; images by `image_files`."""
+"""Cubes in FITS: HEALPix maps with a column, or a file, for each channel, and images with world coordinates.
+
+Images have two axes of the sky in any projection, and one of frequency. Axes may come in any order,
+frequencies may descend, and axes of length one (Stokes) are kept for the way back. Several images, in one
+file or in a folder, are the channels of one cube if they share the axes of the sky and no frequency.
+"""
 
 import re
+import warnings
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
+from astropy import units as u
+from astropy.io import fits
+from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
-from himap.cubes.axes import fits_in, stated_freqs
-from himap.cubes.image_files import holds_image, read_image_fits
+from himap.core.reading import reading
+from himap.cubes.axes import check_world_axes, fits_in, stated_freqs, turn_of
+from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, image_name, world_of
 from himap.cubes.layout import Layout, check_cube_room, only_value, plain_pairs
 from himap.maps.frames import spectral_frame_of
-from himap.maps.healpix_io import freq_in_header, read_maps
+from himap.maps.healpix_io import card_text, freq_in_header, read_maps
 
 _STRUCTURE = re.compile(  # cards of a table of maps that are written anew, by what was read, or not at all
     r"SIMPLE|XTENSION|EXTEND|BITPIX|NAXIS\d*|[PG]COUNT|TFIELDS|THEAP|T[A-Z]{3,4}\d+|EXT(NAME|VER|LEVEL)"
@@ -23,55 +34,60 @@ _STOKES = {  # names of the three columns of one polarised map: of healpy, and s
     ("I", "Q", "U"),
     ("T", "Q", "U"),
 }
+_LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is read as Hz, and lies far below
+_BEAMS = "BEAMS"  # the table of CASA, to which CASAMBM in a header refers
+_COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 
 
 def read_fits(path, *, axes=None, held=1, logical=False):
-    """Maps and `Layout` of a file with a column for each channel, as healpy writes it, or an image cube.
+    """Maps and `Layout` of a file, or of a folder of files; parameters as of `himap.cubes.files.read_file`.
 
-    `axes` are those of an image, `logical` as of `himap.maps.healpix_io.read_maps`.
+    HEALPix maps have a column for each channel, as healpy writes them, or in a folder a file, in the order of
+    their names with numbers as numbers; of three Stokes parameters there the first is read. Of images in a
+    folder each may have a range of channels. `logical` as of `himap.maps.healpix_io.read_maps`.
     """
-    if holds_image(path):
-        return read_image_fits([path], axes=axes, held=held)
-    _check_no_axes(path, axes)
+    paths, left_out = fits_in(path) if path.is_dir() else ([path], [])
+    if _holds_image(paths[0]):
+        maps, layout = _read_images(paths, axes, held)
+        return maps, layout.noted(*left_out)
+    if axes is not None:
+        raise InputError(f"axes (--axes) are those of arrays, and {path} is a table of maps; leave them out.")
+    if path.is_dir():
+        maps, layout = _read_tables(path, paths, held)
+        return maps, layout.noted(*left_out)
     file = read_maps(path, held=held, logical=logical)
     if file.names in _STOKES:
         raise InputError(
             f"{path} has the Stokes parameters of one map ({', '.join(file.names)}), and not a channel in "
             "each column: give a folder with a file for each channel, or name the columns as channels are."
         )
-    return file.maps, Layout.of_sphere(
-        file.maps,
-        nested=file.nested,
-        partial=file.partial,
-        frame=file.frame,
-        unit=only_value(path, "unit", file.units, file.names),
-        about=_about([file.header]),
-        **stated_freqs(file.names, "the names of its columns"),
+    stated = stated_freqs(file.names, "the names of its columns")
+    return file.maps, _layout(path, file.maps, [file], file.names, **stated)
+
+
+def _layout(path, maps, files, labels, **stated):
+    """The `Layout` of the maps (n_channels, n_pix) of each `HealpixFile`; errors call them `labels`."""
+
+    def same(what, values):
+        return only_value(path, what, values, labels)
+
+    first, *others = (file.header for file in files)
+    about = plain_pairs({key: value for key, value in first.items() if not _STRUCTURE.fullmatch(key)})
+    same("spectral frame", [spectral_frame_of(file.header.get("SPECSYS")) for file in files])
+    same("order of pixels", [{True: "NESTED", False: "RING"}.get(file.nested) for file in files])
+    return Layout.of_sphere(
+        maps,
+        nested=files[0].nested,
+        partial=all(file.partial for file in files),
+        frame=same("frame of coordinates", [file.frame for file in files]),
+        unit=same("unit", [unit for file in files for unit in file.units[: len(file.maps)]]),
+        about={key: value for key, value in about.items() if all(one.get(key) == value for one in others)},
+        **stated,
     )
 
 
-def _about(headers):
-    """What all headers of tables say alike but for their structure, a dict, for `Layout.about`."""
-    first, *others = headers
-    pairs = plain_pairs({key: value for key, value in first.items() if not _STRUCTURE.fullmatch(key)})
-    return {key: value for key, value in pairs.items() if all(each.get(key) == value for each in others)}
-
-
-def _check_no_axes(path, axes):
-    if axes is not None:
-        raise InputError(f"axes (--axes) are those of arrays, and {path} is a table of maps; leave them out.")
-
-
-def read_folder(folder, *, axes=None, held=1):
-    """Those of a folder with a file for each channel, by their names, numbers in them as numbers.
-
-    Of image cubes each may have a range of channels. Of three Stokes parameters the first is read.
-    """
-    paths, left_out = fits_in(folder)
-    if holds_image(paths[0]):
-        maps, layout = read_image_fits(paths, axes=axes, held=held)
-        return maps, layout.noted(*left_out)
-    _check_no_axes(folder, axes)
+def _read_tables(folder, paths, held):
+    """Maps and `Layout` of a folder with a file of HEALPix maps for each channel."""
     files, names, n_polarised = [], [path.name for path in paths], 0
     for path in paths:
         file = read_maps(path)
@@ -86,23 +102,197 @@ def read_folder(folder, *, axes=None, held=1):
         if not files:
             check_cube_room(folder, len(paths) * n_pix, file.maps.dtype.itemsize, held)
         files.append(replace(file, maps=file.maps.copy()))
-
-    def same(what, values):
-        return only_value(folder, what, values, names)
-
     in_headers = [freq_in_header(file.header, path) for file, path in zip(files, paths, strict=True)]
-    same("spectral frame", [spectral_frame_of(file.header.get("SPECSYS")) for file in files])
-    same("order of pixels", [{True: "NESTED", False: "RING"}.get(file.nested) for file in files])
+    stated = {"names": tuple(names), **stated_freqs(names, "the names of its files", in_headers)}
     polarised = [f"Stokes Q and U in {n_polarised} of its files are left out."] if n_polarised else []
     maps = np.concatenate([file.maps for file in files])
-    return maps, Layout.of_sphere(
-        maps,
-        nested=files[0].nested,
-        partial=all(file.partial for file in files),
-        frame=same("frame of coordinates", [file.frame for file in files]),
-        unit=same("unit", [file.units[0] for file in files]),
-        about=_about([file.header for file in files]),
-        names=tuple(names),
-        remarks=(*left_out, *polarised),
-        **stated_freqs(names, "the names of its files", in_headers),
-    )
+    return maps, _layout(folder, maps, files, names, remarks=tuple(polarised), **stated)
+
+
+def _holds_image(path):
+    """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read."""
+    try:
+        with _quiet(), fits.open(path, memmap=False) as file:
+            return has_image(next(hdu for hdu in file if not isinstance(hdu, IMAGES) or hdu.shape))
+    except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
+        return False
+
+
+def _quiet():
+    """Without astropy's warnings: of what is mended, or an error a line below."""
+    return warnings.catch_warnings(action="ignore", category=AstropyWarning)
+
+
+def _read_images(paths, axes, held):
+    """Maps, NaN where blank, and `Layout` of the channels of all image cubes in some files."""
+    remarks, parts = [], []
+    for path in paths:
+        with _opened(path) as file:
+            parts += _parts(path, file, axes=axes, remarks=remarks, alone=len(paths) == 1)
+    _check_alike(parts)
+    where, names = paths[0].parent if len(paths) > 1 else paths[0], [*map(str, parts)]
+    units = [card_text(part.header, "BUNIT") for part in parts]
+    pixels = ImagePixels(parts=tuple(parts))
+    ends = np.cumsum([part.n_channels for part in parts])
+    frames = [spectral_frame_of(part.header.get("SPECSYS")) for part in parts]
+    frame = only_value(where, "spectral frame", frames, names)
+    dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
+    n_pix = int(np.prod(pixels.shape))
+    check_cube_room(where, ends[-1] * n_pix, dtype.itemsize, held)
+    maps = np.empty((ends[-1], n_pix), dtype=dtype)
+    for part, out in zip(parts, np.split(maps, ends[:-1]), strict=True):
+        with _opened(part.path) as file:
+            out[:] = part.read(file)
+    stated = {"unit": only_value(where, "unit", units, names), "remarks": tuple(remarks)}
+    stated["about"] = {"SPECSYS": frame} if frame else {}
+    if parts[0].freqs is not None:
+        stated["freqs"] = np.concatenate([part.freqs for part in parts])
+        stated["freqs_from"] = "the axis FREQ" + " of each image" * (len(parts) > 1)
+    elif len(parts) > 1 and len({part.path for part in parts}) == ends[-1]:  # a file for each channel
+        files = [part.path.name for part in parts]
+        in_headers = [freq_in_header(part.header, part.path) for part in parts]
+        stated |= {"names": tuple(files), **stated_freqs(files, "the names of its files", in_headers)}
+    return maps, Layout(pixels=pixels, **stated)
+
+
+@contextmanager
+def _opened(path):
+    """A FITS file, open; what astropy raises is an error of the input."""
+    with reading(path, "an image cube in FITS"), _quiet(), fits.open(path, memmap=False) as file:
+        yield file
+
+
+def _parts(path, file, *, axes, remarks, alone):
+    """The `ImagePart` of every image cube in an open file; what else is there is left out, and said.
+
+    The table of the beam of each channel is kept of a file that is `alone`: those of several have one name.
+    """
+    images = [n for n, hdu in enumerate(file) if has_image(hdu) and len(hdu.shape) > 1]
+    if not images:
+        raise InputError(f"{path} holds no image cube.")
+    worlds = {n: world_of(file[n].header) for n in images}
+    cubes = [n for n in images if worlds[n].wcs.spec >= 0]
+    cubes = cubes or [n for n in images if len(file[n].shape) > 2] or images[:1]
+    tables = [hdu for hdu in file if alone and type(hdu) is fits.BinTableHDU and hdu.name == _BEAMS]
+    parts = [_part(path, n, file[n].header, file[n].shape, worlds[n], axes) for n in cubes]
+    parts[0] = replace(parts[0], tables=tuple(hdu.copy() for hdu in tables))
+    rest = [(n, hdu) for n, hdu in enumerate(file) if n not in cubes and hdu not in tables]
+    others = [hdu.name or f"HDU {n}" for n, hdu in rest if not isinstance(hdu, IMAGES) or hdu.shape]
+    if others:
+        remarks.append(f"{path} holds {', '.join(others)} too, which is left out.")
+    if tables:
+        remarks.append(f"{path} holds {_BEAMS} too, which is not used, but written again.")
+    for part in () if alone else parts:
+        part.header.remove("CASAMBM", ignore_missing=True)  # refers to such a table
+    return parts
+
+
+def parts_of_headers(path, headers):
+    """The `ImagePart` of each header, as text, of the images that a file in HDF5 has as one array."""
+    parts = []
+    with _quiet():
+        for index, text in enumerate(headers):
+            header = fits.Header.fromstring(text)
+            shape = [header[f"NAXIS{axis}"] for axis in range(header["NAXIS"], 0, -1)]
+            parts.append(_part(path, index, header, shape, world_of(header)))
+    _check_alike(parts)
+    return tuple(parts)
+
+
+def _part(path, index, header, shape, wcs, axes=None):
+    name = image_name(path, index, header)
+    if axes is None:
+        check_world_axes(header, shape, name)
+    spectral = _spectral_axis(wcs, header, name)
+    n_axes = max(wcs.naxis, len(shape), 3)
+    stored = (1,) * (n_axes - len(shape)) + tuple(shape)
+    has_freqs = spectral is not None
+    if not has_freqs:  # the first axis without type, of those that are longer than one if it can be
+        free = [axis for axis in range(n_axes) if axis >= wcs.naxis or _has_no_type(wcs, axis)]
+        long = [axis for axis in free if stored[n_axes - 1 - axis] > 1]
+        spectral = (long if long and axes is None else free)[0]
+    turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
+    shape = tuple(stored[axis] for axis in turn)
+    _check_axes(wcs, shape, spectral, name)
+    sky = sorted(n_axes - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
+    first = n_axes - 1 - spectral
+    rest = [axis for axis in range(n_axes) if axis not in (first, *sky)]
+    freqs = None
+    if has_freqs:
+        line = wcs.sub([spectral + 1])
+        (values,) = line.wcs_pix2world(np.arange(shape[first]), 0)
+        freqs = np.asarray((values * u.Unit(line.wcs.cunit[0] or u.Hz)).to_value(u.MHz))
+        if not freqs.min() > _LOWEST:
+            raise InputError(
+                f"{name} has frequencies from {freqs.min():.4g} to {freqs.max():.4g} MHz, which looks like "
+                f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means "
+                "Hz."
+            )
+    order = {"stored": stored, "turn": turn, "order": (first, *sky, *rest)}
+    where = {"path": path, "index": index, "header": header.copy()}
+    return ImagePart(**where, **order, freqs=freqs, celestial=wcs.celestial)
+
+
+def _has_no_type(wcs, axis):
+    """Whether an axis of the world says nothing of what it is."""
+    return wcs.wcs.ctype[axis].strip() in ("", "LINEAR", "CHANNEL", "CHAN")
+
+
+def _spectral_axis(wcs, header, name):
+    """Which axis of the world is that of frequency, None where it may be one that has no type."""
+    types = [text.strip() for text in wcs.wcs.ctype]
+    listing = ", ".join(text or "one without CTYPE" for text in types)
+    if not wcs.has_celestial:
+        raise InputError(
+            f"{name} must have two axes of the sky (CTYPE such as RA---SIN and DEC--SIN), got {listing}. For "
+            "HEALPix maps write a table, as healpy.write_map does."
+        )
+    axis = wcs.wcs.spec
+    if axis >= 0 and not types[axis].startswith("FREQ"):
+        raise InputError(
+            f"{name} has the spectral axis {header[f'CTYPE{axis + 1}']}, and FREQ is needed: convert it with "
+            "the rest frequency, as SpectralCube.read(path).with_spectral_unit('Hz') of the package "
+            "spectral-cube does."
+        )
+    if axis < 0 and len(types) > 2 and not any(_has_no_type(wcs, n) for n in range(len(types))):
+        raise InputError(
+            f"{name} has no axis FREQ, of the channels, but {listing}; write CTYPE, CRVAL, CRPIX, "
+            "CDELT and CUNIT of the frequencies into its header, or make the CTYPE of channels that are "
+            "numbered blank and give --freqs."
+        )
+    return axis if axis >= 0 else None
+
+
+def _check_axes(wcs, shape, spectral, name):
+    """Refuse more axes than three that are longer than one, and axes that are not those of the array."""
+    celestial = {wcs.wcs.lng, wcs.wcs.lat}
+    for axis in set(range(len(shape))) - celestial - {spectral}:
+        length = shape[len(shape) - 1 - axis]
+        if length > 1:
+            text = (axis < wcs.naxis and wcs.wcs.ctype[axis]) or f"axis {axis + 1}"
+            raise InputError(
+                f"{name} has {length} values along {text}, and a cube is of one: take one out, for Stokes I "
+                "the first, and write it to a file of its own."
+            )
+    matrix = np.abs(wcs.pixel_scale_matrix)
+    for world, pixel in np.argwhere(matrix > 0):
+        both_on_sky = {world, pixel} <= celestial
+        if world != pixel and not both_on_sky and matrix[world, pixel] > _COUPLED * matrix[world].max():
+            raise InputError(
+                f"{name}: {wcs.wcs.ctype[world]} changes along axis {pixel + 1} too (PC or CD in the "
+                "header): such a rotated or sheared cube must be regridded to one whose channels are images."
+            )
+
+
+def _check_alike(parts):
+    """Refuse images that do not share the axes of the sky, or of which only some have frequencies."""
+    first, *others = (ImagePixels(parts=(part,)) for part in parts)
+    for part, pixels in zip(parts[1:], others, strict=True):
+        if not first.same(pixels):
+            raise InputError(
+                f"all images must have the same axes of the sky: {parts[0]} has {first}, and {part} has "
+                f"{pixels}, or other coordinates; reproject them to one header."
+            )
+    unstated = [part for part in parts if part.freqs is None]
+    if unstated and len(unstated) < len(parts):
+        raise InputError(f"{unstated[0]} has no axis FREQ, and other images have; write it into its header.")

@@ -14,8 +14,8 @@ from astropy import units as u
 from himap.core.errors import InputError
 from himap.cubes import hdf5_access as access
 from himap.cubes.axes import pixel_axis
+from himap.cubes.fits import parts_of_headers
 from himap.cubes.hdf5_access import LISTED, MAP
-from himap.cubes.image_files import parts_of_headers
 from himap.cubes.images import HEADERS, ImagePixels
 from himap.cubes.layout import Layout, check_cube_room
 from himap.maps import sphere

@@ -146,13 +146,7 @@ class Layout:
             Of the others, which belong to these; frames of coordinates as of `himap.maps.frames.frame_of`,
             and SPECSYS.
         rotate
-            Whether they can be rotated into the frame of these.
-
-        Raises
-        ------
-        InputError
-            Both frames are known and differ, without `rotate`, or one is none that can be rotated; images
-            are not. Or SPECSYS of both differ.
+            Whether they can be rotated into the frame of these; else an InputError where both differ.
         """
         pixels, about, said = self.pixels, self.about, []
         mine, theirs = frame_name(pixels.frame), frame_name(frame)
