@@ -39,10 +39,7 @@ def read_mocks(cube, paths, *, tell=None, **reading):
         mock = read_truth(path, cube=cube, **reading)
         for remark in mock.remarks if tell else ():
             tell(f"{path}: {remark}")
-        try:
-            check_truth(cube, mock)
-        except InputError as error:
-            raise InputError(f"{path}: {str(error).replace('the truth', 'a mock')}") from None
+        check_truth(cube, mock, f"{path}: a mock")
         yield mock.maps[:, cube.mask[mock.mask]]
 
 
@@ -102,8 +99,7 @@ def mock_survey(cube, *, seed=1):
     InputError
         Channels that are not evenly spaced, or a band outside what `Survey` takes.
     """
-    whole = len(cube.freqs) == len(cube.layout.freqs) or evenly_spaced(cube.freqs)
-    freqs = cube.freqs if whole else np.sort(cube.layout.freqs)
+    freqs = cube.freqs if evenly_spaced(cube.freqs) else np.sort(cube.layout.freqs)
     if not evenly_spaced(freqs):
         steps = np.diff(cube.freqs)
         raise InputError(

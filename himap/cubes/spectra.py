@@ -72,8 +72,8 @@ def spectra_of(cleaned, near=None):
     cleaned
         The `CleanedCube`.
     near
-        What `analysed` gives of the same cube, cleaned so that it differs by a few spectra: only these are
-        then analysed.
+        Maps on the sphere that differ by a few spectra, and their coefficients, as of `analysed`: only these
+        spectra are then analysed.
 
     Returns
     -------
@@ -85,20 +85,17 @@ def spectra_of(cleaned, near=None):
         return PlaneSpectra.of(cube, residual)
     maps = cube.on_sphere(residual)
     if near is None:
-        return _sphere_spectra(cube, residual, angular_power(maps, mask=mask))
-    others, alms = near
-    angular = recovered_power(alms, difference(maps, others, mask=mask), mask=mask)
-    return _sphere_spectra(cube, residual, angular)
+        angular = angular_power(maps, mask=mask)
+    else:
+        others, alms = near
+        angular = recovered_power(alms, difference(maps, others, mask=mask), mask=mask)
+    return PowerSpectra(angular=angular, frequency=frequency_power(residual, cube.channel_width))
 
 
 def analysed(cleaned):
     """Maps of the residual of a `CleanedCube` on the sphere, and their coefficients; None of images."""
     maps, mask = cleaned.cube.on_sphere(cleaned.residual), cleaned.cube.sky_mask
     return None if cleaned.cube.image is not None else (maps, masked_alms(maps, mask=mask))
-
-
-def _sphere_spectra(cube, maps, angular):
-    return PowerSpectra(angular=angular, frequency=frequency_power(maps, cube.channel_width))
 
 
 def scales(cube, spectra):
@@ -135,19 +132,18 @@ def compared(cleaned, truth):
     """
     cube, mask = cleaned.cube, cleaned.cube.sky_mask
     check_truth(cube, truth)
-    cubes = cleaned.residual, cube.seen_of(truth)
+    seen = cube.seen_of(truth)
     if cube.image is not None:
-        recovered, true = (PlaneSpectra.of(cube, maps) for maps in cubes)
-        return replace(recovered, true=true)
-    recovered, true = map(cube.on_sphere, cubes)
-    alms, error = masked_alms(true, mask=mask), difference(recovered, true, mask=mask)
-    angular = recovered_power(alms, error, mask=mask), masked_power(alms, mask)
-    spectra = (_sphere_spectra(cube, maps, power) for maps, power in zip(cubes, angular, strict=True))
-    return Comparison.of(*spectra, l_top=2 * cube.nside)
+        return replace(spectra_of(cleaned), true=PlaneSpectra.of(cube, seen))
+    maps = cube.on_sphere(seen)
+    alms = masked_alms(maps, mask=mask)
+    frequency = frequency_power(seen, cube.channel_width)
+    true = PowerSpectra(angular=masked_power(alms, mask), frequency=frequency)
+    return Comparison.of(spectra_of(cleaned, (maps, alms)), true, l_top=2 * cube.nside)
 
 
-def check_truth(cube, truth):
-    """Refuse a truth, a `Cube`, that is not one of `cube`.
+def check_truth(cube, truth, label="the truth"):
+    """Refuse a truth, a `Cube`, that is not one of `cube`; errors call it `label`.
 
     Raises
     ------
@@ -157,26 +153,26 @@ def check_truth(cube, truth):
     pixels, others = cube.layout.pixels, truth.layout.pixels
     if not pixels.same(others) or len(truth.freqs) != len(cube.freqs):
         raise InputError(
-            f"the truth must have the channels and the {pixels.grid} of the cube, {len(cube.freqs)} and "
+            f"{label} must have the channels and the {pixels.grid} of the cube, {len(cube.freqs)} and "
             f"{pixels}; got {len(truth.freqs)} and {others}."
         )
     differs = ~same_freqs(truth.freqs, cube.freqs)
     if differs.any():
         channel = int(differs.argmax())
         raise InputError(
-            f"the truth must have the frequencies of the cube, got {truth.freqs[channel]:.10g} MHz where "
+            f"{label} must have the frequencies of the cube, got {truth.freqs[channel]:.10g} MHz where "
             f"that has {cube.freqs[channel]:.10g}."
         )
-    cube.layout.joined("the truth", others.frame, truth.layout.spectral_frame)  # refuses others
+    cube.layout.joined(label, others.frame, truth.layout.spectral_frame)  # refuses others
     if (cube.mask & ~truth.mask).any():
-        raise InputError("the truth must see all pixels of the cube.")
+        raise InputError(f"{label} must see all pixels of the cube.")
     seen = cube.mask[truth.mask]
     if all(
         np.allclose(true[seen], pixels, rtol=_ALIKE, atol=0)
         for true, pixels in zip(truth.maps, cube.maps, strict=True)
     ):
         raise InputError(
-            "the truth is the cube itself: give what a perfect cleaning would leave, HI and noise."
+            f"{label} is the cube itself: give what a perfect cleaning would leave, HI and noise."
         )
 
 

@@ -203,11 +203,8 @@ def _variances(cleaned):
     residual, weights = cleaned.residual, cleaned.cube.weights
     if weights is None:
         return [channel.var(dtype=np.float64) for channel in residual]
-    variances = []
-    for channel, some in zip(residual, np.broadcast_to(weights, residual.shape), strict=True):
-        share = some / some.sum(dtype=np.float64)
-        variances.append(float(share @ (channel - share @ channel.astype(np.float64)) ** 2))
-    return variances
+    several = zip(residual, np.broadcast_to(weights, residual.shape), strict=True)
+    return [float(np.cov(channel, aweights=some, ddof=0)) for channel, some in several]
 
 
 def advice(suggestion):
