@@ -21,7 +21,7 @@ _COLUMNS = 999  # at most in a table in FITS
 
 def ending_of(path):
     """The one of `OUTPUTS` that a name ends with, in small letters; its suffix for other names."""
-    return next((end for end in (".fits.gz", *OUTPUTS) if path.name.lower().endswith(end)), path.suffix)
+    return next((end for end in OUTPUTS if path.name.lower().endswith(end)), path.suffix)
 
 
 def companion(path, ending):
@@ -134,11 +134,12 @@ def write_cleaned(cleaned, paths, *, said=None):
     """
     sentences = [*(cleaned.cube.said if said is None else said), *cleaned.remarks]
     cube, layout, mixing = cleaned.cube, cleaned.cube.layout, cleaned.separation.mixing
+    about = _about(cleaned)
     cubes = {"residual": cleaned.residual_with_nan, "foreground": cleaned.foreground}
     as_given = ((name, layout.as_given(maps, cube.mask)) for name, maps in cubes.items())  # one at a time
     if ending_of(paths[0]) in (".h5", ".hdf5"):
         try:
-            _write_hdf5(cleaned, paths[0], as_given, sentences)
+            _write_hdf5(cleaned, paths[0], as_given, about, sentences)
         except RuntimeError as error:  # what h5py raises for a full disk when a file is closed
             raise OSError(str(error)) from None
         return
@@ -147,15 +148,14 @@ def write_cleaned(cleaned, paths, *, said=None):
         if ending_of(target) == ".npy":
             np.save(target, maps)
         else:
-            cards = [("METHOD", cleaned.method.name), ("HIMAP", __version__)]
-            cards += [(name.upper(), value) for name, value in _restarts(cleaned).items()]
+            cards = [(key.upper(), value) for key, value in about.items()]
             cards += [("HISTORY", text) for text in map(_in_ascii, sentences)]
             layout.pixels.write(target, maps, layout, name=name, cards=cards)
     header = "\n".join([*map(_in_ascii, sentences), "frequency [MHz], then the columns of the mixing matrix"])
     np.savetxt(table, np.column_stack([cube.freqs, mixing]), header=header)
 
 
-def _write_hdf5(cleaned, path, as_given, sentences):
+def _write_hdf5(cleaned, path, as_given, about, sentences):
     layout = cleaned.cube.layout
     with h5py.File(path, "w") as file:
         for name, maps in as_given:
@@ -163,26 +163,22 @@ def _write_hdf5(cleaned, path, as_given, sentences):
         file.create_dataset("freqs", data=layout.freqs).attrs["unit"] = "MHz"
         mixing = file.create_dataset("mixing", data=cleaned.separation.mixing)
         mixing.attrs["rows"] = "channels by frequency, ascending"
-        parameters = json.dumps(asdict(cleaned.method))
-        about = {"method": cleaned.method.name, "parameters": parameters, "himap": __version__}
-        about["remarks"] = shortened("\n".join(map(plain_text, sentences)))
+        about |= {"parameters": json.dumps(asdict(cleaned.method))}
+        about |= {"remarks": shortened("\n".join(map(plain_text, sentences)))}
         attributes, datasets = layout.pixels.in_hdf5(layout)
         for name, values in datasets.items():
             file.create_dataset(name, data=values)
-        file.attrs.update(layout.about | attributes | about | _restarts(cleaned))
+        file.attrs.update(layout.about | attributes | about)
 
 
 def _in_ascii(sentence):
     return plain_text(sentence).encode("ascii", "backslashreplace").decode()
 
 
-def _restarts(cleaned):
-    """{"restart": which one it is, "restarts": of how many, "failed": how many look so}; empty of one run."""
-    several = cleaned.ensemble
-    if several is None:
-        return {}
-    return {
-        "restart": cleaned.method.restart,
-        "restarts": len(several.members),
-        "failed": sum(map(bool, several.flags)),
-    }
+def _about(cleaned):
+    """What made a cube, a dict; of several restarts which it is, of how many, and how many look failed."""
+    about, several = {"method": cleaned.method.name, "himap": __version__}, cleaned.ensemble
+    if several is not None:
+        about |= {"restart": cleaned.method.restart, "restarts": len(several.members)}
+        about |= {"failed": sum(map(bool, several.flags))}
+    return about
