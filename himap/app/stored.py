@@ -169,19 +169,9 @@ def stored_figures(results=None, folders=None):
 
 
 def stored_figure(folder, name, results=None):
-    """What is stored of one figure, a dict: where it is in the paper, its provenance, and its curves.
+    """What is stored of one figure of a folder, a dict: where it is in the paper, provenance, and curves.
 
-    Parameters
-    ----------
-    folder, name
-        Folder of figures among the results, such as "paper_templates", and name of the figure.
-    results
-        As the folder of `read_stored`.
-
-    Raises
-    ------
-    InputError
-        No such folder or figure.
+    `results` as of `stored_figures`. Raises an InputError where there is no such folder or figure.
     """
     rows = stored_figures(results, [folder])[folder]
     if name not in rows:

@@ -3,7 +3,7 @@
 import click
 from click import option
 
-from himap.app.cli.shared import BeamsOption, NamesOption, debug, overwrite_option
+from himap.app.cli.shared import NamesOption, debug, overwrite_option
 
 METHOD = option("--method", cls=NamesOption, required=True, metavar="NAME")
 WEIGHTS = (
@@ -36,7 +36,14 @@ def _show_for_files(context, parameter, asked):
 
 
 COMMON = (
-    option("--beam", cls=BeamsOption, metavar="NAME"),
+    option(
+        "--beam",
+        cls=NamesOption,
+        package="himap.instrument.beams",
+        more="; NAME:PARAMETER=VALUE; a FILE",
+        less=("file",),
+        metavar="NAME",
+    ),
     option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
     option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
     option("--mask", metavar="FILE", help="Map of 1 where kept, .fits or .npy: the rest is not used."),

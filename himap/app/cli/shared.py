@@ -64,26 +64,17 @@ EXPERIMENT = completed_by(lambda: import_module("himap.paper.experiments").EXPER
 
 
 class NamesOption(click.Option):
-    """An option of names that there are, found when its help lists them or a shell completes one."""
+    """An option of what a package has available, found when its help lists that or a shell completes it."""
 
-    package, more, less = "himap.removal", "", ()
-
-    def __init__(self, *arguments, **options):
+    def __init__(self, *arguments, package="himap.removal", more="", less=(), **options):
+        self._names = lambda: [name for name in import_module(package).available() if name not in less]
+        self._more = more
         super().__init__(*arguments, **options, **completed_by(self._names))
 
-    def _names(self):
-        return [name for name in import_module(self.package).available() if name not in self.less]
-
     def get_help_record(self, context):
-        self.help = f"{', '.join(self._names())}{self.more}."
+        self.help = f"{', '.join(self._names())}{self._more}."
         option, text = super().get_help_record(context)
         return option, text.replace("  [required]", "")  # an error says it, and the help is a line
-
-
-class BeamsOption(NamesOption):
-    """The same for beams."""
-
-    package, more, less = "himap.instrument.beams", "; NAME:PARAMETER=VALUE; a FILE", ("file",)
 
 
 def with_options(*options):
