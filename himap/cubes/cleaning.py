@@ -125,11 +125,10 @@ def cleaning_of(cube, method, beams=None, *, peaks=True, seed=2025):
 
 
 def _data_of(cube, method, beams, seed=0):
-    part = None if cube.whole_sky else cube.mask
     return Data(
         maps=cube.maps,
         freqs=cube.freqs,
-        grid=part if cube.image is None else cube.image,
+        grid=None if cube.whole_sky else cube.mask.reshape(cube.layout.pixels.shape),
         weights=cube.weights,
         beams=beams if "beams" in method.uses else None,
         seed=np.random.default_rng(seed),

@@ -49,12 +49,17 @@ def read_fits(path, *, axes=None, held=1, logical=False):
     paths, left_out = fits_in(path) if path.is_dir() else ([path], [])
     if _holds_image(paths[0]):
         maps, layout = _read_images(paths, axes, held)
-        return maps, layout.noted(*left_out)
-    if axes is not None:
+    elif axes is not None:
         raise InputError(f"axes (--axes) are those of arrays, and {path} is a table of maps; leave them out.")
-    if path.is_dir():
+    elif path.is_dir():
         maps, layout = _read_tables(path, paths, held)
-        return maps, layout.noted(*left_out)
+    else:
+        maps, layout = _read_table(path, held, logical)
+    return maps, layout.noted(*left_out)
+
+
+def _read_table(path, held, logical):
+    """Maps and `Layout` of a file of HEALPix maps with a column for each channel."""
     file = read_maps(path, held=held, logical=logical)
     if file.names in _STOKES:
         raise InputError(
@@ -91,8 +96,8 @@ def _read_tables(folder, paths, held):
     files, names, n_polarised = [], [path.name for path in paths], 0
     for path in paths:
         file = read_maps(path)
-        polarised = file.names in _STOKES
-        file, n_polarised = replace(file, maps=file.maps[: 1 if polarised else None]), n_polarised + polarised
+        if file.names in _STOKES:
+            file, n_polarised = replace(file, maps=file.maps[:1]), n_polarised + 1
         n_pix = (files or [file])[0].maps.shape[1]
         if file.maps.shape != (1, n_pix):
             raise InputError(
@@ -104,9 +109,10 @@ def _read_tables(folder, paths, held):
         files.append(replace(file, maps=file.maps.copy()))
     in_headers = [freq_in_header(file.header, path) for file, path in zip(files, paths, strict=True)]
     stated = {"names": tuple(names), **stated_freqs(names, "the names of its files", in_headers)}
-    polarised = [f"Stokes Q and U in {n_polarised} of its files are left out."] if n_polarised else []
+    if n_polarised:
+        stated["remarks"] = (f"Stokes Q and U in {n_polarised} of its files are left out.",)
     maps = np.concatenate([file.maps for file in files])
-    return maps, _layout(folder, maps, files, names, remarks=tuple(polarised), **stated)
+    return maps, _layout(folder, maps, files, names, **stated)
 
 
 def _holds_image(path):

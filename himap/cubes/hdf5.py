@@ -143,7 +143,7 @@ def _container_axes(file, maps):
         if name not in file.items:
             raise InputError(f"{path} has {MAP} (freq, pol, pixel), but no {name} in its own file.")
     axes = [access.decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
-    names, freqs = (access.read_stored(file.get(name), path) for name in (_MAP_POLS, _MAP_FREQS))
+    names, freqs = (file.values(file.get(name)) for name in (_MAP_POLS, _MAP_FREQS))
     names = [access.decoded(name) for name in names.ravel()]
     freqs = freqs["centre"] if "centre" in (freqs.dtype.names or ()) else freqs
     is_right = axes == _MAP_AXES and sphere.is_n_pix(n_pix) and len(names) == n_pols

@@ -195,7 +195,15 @@ class Datasets:
 
     def values(self, item, part=...):
         """(A part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with an offset."""
-        stored, numbers = read_stored(item, self.path, part), {}
+        try:
+            stored, numbers = item[part], {}
+        except OSError as error:
+            raise InputError(
+                f"{item.name[1:]} in {self.path} cannot be read ({error}). If it is compressed with a filter "
+                "that is not installed here, point HDF5_PLUGIN_PATH at it (that of the package hdf5plugin is "
+                "hdf5plugin.PLUGIN_PATH), or write the file again with gzip where the filter is "
+                "(h5repack -f GZIP=4); if not, the file is damaged."
+            ) from None
         for key in (key for key in _PACKING if key in item.attrs):
             numbers[key] = np.ravel(item.attrs[key])
             n_right = _PACKING[key] or numbers[key].size
@@ -223,19 +231,6 @@ class Datasets:
 def last_part(name):
     """The name of a dataset without its groups, in small letters."""
     return name.rpartition("/")[2].lower()
-
-
-def read_stored(item, path, part=...):
-    """(A part of) a dataset as it is stored; InputError where it cannot be read."""
-    try:
-        return item[part]
-    except OSError as error:
-        raise InputError(
-            f"{item.name[1:]} in {path} cannot be read ({error}). If it is compressed with a filter that is "
-            "not installed here, point HDF5_PLUGIN_PATH at it (that of the package hdf5plugin is "
-            "hdf5plugin.PLUGIN_PATH), or write the file again with gzip where the filter is "
-            "(h5repack -f GZIP=4); if not, the file is damaged."
-        ) from None
 
 
 def _has_numbers(item):

@@ -12,12 +12,10 @@ from himap.maps import sphere
 from himap.maps.frames import FRAMES, frame_name, spectral_frame_of
 from himap.maps.healpix_io import MILLIKELVIN, write_maps
 
-LARGEST = 1e15
-"""What is as large as this is no number: healpy marks missing pixels with -1.6e30."""
-
 OURS = ("method", "parameters", "himap", "restart", "restarts", "failed", "remarks", "axes", "wcs")
 """What is written of a cleaning, and of its pixels: of one cube, and none that is made of it."""
 
+_LARGEST = 1e15  # what is as large as this is no number: healpy marks missing pixels with -1.6e30
 _ROUNDING = 1e-6  # relative: frequencies that are stated twice are the same
 _KEY, _TEXT = re.compile(r"[A-Za-z0-9_-]{1,8}"), re.compile(r"[ -~]{0,60}")  # of a card in FITS
 
@@ -195,7 +193,7 @@ class Layout:
 
 def is_seen(pixels):
     """Which pixels have a number: neither NaN nor infinite nor UNSEEN."""
-    return np.abs(pixels.astype(np.result_type(pixels.dtype, np.float32), copy=False)) < LARGEST
+    return np.abs(pixels.astype(np.result_type(pixels.dtype, np.float32), copy=False)) < _LARGEST
 
 
 def same_freqs(first, second):
