@@ -139,6 +139,7 @@ def here(tmp_path, monkeypatch):
 def no_pages(monkeypatch):
     """Commands on cubes write empty pages: to draw them takes longer than all the rest."""
     monkeypatch.setattr("himap.cubes.report.write_report", lambda cleaned, path, **_: Path(path).touch())
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
 
 
 @pytest.fixture(scope="session")

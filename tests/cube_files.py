@@ -32,12 +32,8 @@ def write_hdf5(path, maps, freqs=FREQS, **attributes):
     return path
 
 
-def himap(*words):
-    return CliRunner().invoke(main, [str(word) for word in words])
-
-
 def run(*words, code=0):
     """The outcome of a command that ends with this exit code."""
-    done = himap(*words)
+    done = CliRunner().invoke(main, [str(word) for word in words])
     assert done.exit_code == code, (words, done.output)
     return done

@@ -154,7 +154,9 @@ class TestOrderOfFiles:
         (here / "folder" / "notes.txt").write_text("...")
         (here / "folder" / "._map_1.fits").write_bytes(b"\0\5\26\7")
         (here / "folder" / "map_3.fits").rename(here / "folder" / "map_3.dat")  # FITS by its first bytes
-        said = " ".join(read_cube("folder", freqs=FREQS).remarks)
+        cube = read_cube("folder", freqs=FREQS)
+        assert np.array_equal(cube.maps, good_maps())  # counted as people count
+        said = " ".join(cube.remarks)
         assert "notes.txt" in said and "._map_1.fits" in said and "the last mean.fits (1065 MHz)" in said
         with pytest.raises(InputError, match="one frequency for each of the 24 channels, got 23"):
             read_cube("folder", freqs=FREQS[:23])

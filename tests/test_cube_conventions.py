@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from astropy.io import fits
-from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5, write_table
+from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
 from cube_files import run
 
 from himap.core.errors import InputError
@@ -91,34 +91,11 @@ class TestHDF5:
 
 
 class TestFITS:
-    def test_null_is_compared_before_scaling(self):
-        whole = np.arange(N_PIX, dtype=np.int16)
-        write_table([fits.Column("T", "I", array=whole)], TNULL1=8, TSCAL1=0.5, TZERO1=3.5)
-        expected = np.where(whole == 8, np.nan, 0.5 * whole + 3.5)  # which is 8 for another one
-        assert np.array_equal(read_maps("a.fits").maps[0], expected, equal_nan=True)
-
-    def test_unsigned_integers(self):
-        whole = np.arange(N_PIX, dtype=np.uint16) + 40_000
-        write_table([fits.Column("T", "I", bzero=32768, array=whole)])
-        assert np.array_equal(read_maps("a.fits").maps[0], whole)
-
-    def test_bad_data_in_columns_of_two_precisions(self):
-        one, two = np.ones(N_PIX, np.float32), np.ones(N_PIX)
-        one[5] = two[5] = -999.9
-        write_table([fits.Column("A", "E", array=one), fits.Column("B", "D", array=two)], BAD_DATA=-999.9)
-        found = read_maps("a.fits").maps
-        assert np.isnan(found[:, 5]).all() and np.isfinite(np.delete(found, 5, axis=1)).all()
-
     def test_another_table_that_holds_no_map(self, maps):
         write_fits("a.fits", maps[:2], column_names=["900 MHz", "910 MHz"])
         beam = fits.BinTableHDU.from_columns([fits.Column("BL", "D", array=np.ones(50))])
         fits.append("a.fits", beam.data, beam.header)
         assert np.array_equal(read_cube("a.fits").maps, maps[:2])
-
-    def test_many_pixels_a_row(self, rng):
-        pixels = rng.standard_normal(N_PIX).astype(np.float32)
-        write_table([fits.Column("T", "64E", array=pixels.reshape(-1, 64))])
-        assert np.array_equal(read_maps("a.fits").maps[0], pixels)
 
 
 class TestSaid:

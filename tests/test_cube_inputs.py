@@ -6,7 +6,7 @@ import h5py
 import healpy as hp
 import numpy as np
 import pytest
-from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
+from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_hdf5
 from cube_files import run
 from image_files import N_CHANNELS, power_law_images, write_image
 
@@ -52,10 +52,6 @@ class TestReading:
         assert np.array_equal(read_cube("folder", freqs=FREQS).maps, maps[:, :150])
         with pytest.raises(InputError, match="the file says mK"):
             read_cube("folder", freqs=FREQS, unit="K")
-
-    def test_files_are_counted_as_people_count(self, maps):
-        write_folder("folder", [f"map_{n}" for n in range(24)])
-        assert np.array_equal(read_cube("folder", freqs=FREQS).maps, maps)
 
     def test_frequencies_that_are_those_of_the_file(self):
         assert read_cube("good.h5", freqs=FREQS.astype(np.float32)).freqs == pytest.approx(FREQS)
@@ -198,21 +194,6 @@ class TestMissingVoxels:
         said = run("clean", "some.h5", "--method", "fastica", "-o", "c.h5").output
         assert "masked in all; methods that take weights keep what is seen" in said
         assert "(parametric, pca, polynomial)" in said
-        few = np.full_like(some, np.nan)
-        few[:12, : N_PIX // 2], few[12:, N_PIX // 2 :] = 1, 1
-        write_hdf5("few.h5", few)
-        with pytest.raises(InputError, match=r"few.h5: no pixel is seen in every channel.*\(parametric, pca"):
-            read_cube("few.h5")
-
-    def test_a_few_pixels_are_masked_as_before(self):
-        maps = good_maps()
-        maps[3, 5] = np.nan
-        write_hdf5("a.h5", maps)
-        cube = read_cube("a.h5", scattered=True)
-        assert cube.weights is None and cube.mask.sum() == N_PIX - 1
-        maps[7] = np.nan  # a blind channel is no hole
-        write_hdf5("b.h5", maps)
-        assert read_cube("b.h5", scattered=True).weights is None
 
     def test_floats_of_16_bits_are_remarked_on(self):
         half = (good_maps() / 100).astype(np.float16)

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from astropy.io import fits
-from cube_files import N_PIX, himap, power_law_maps, run, write_hdf5
+from cube_files import N_PIX, power_law_maps, run, write_hdf5
 
 from himap.cubes import beams_of, clean_cube, read_cube
 from himap.cubes.scatter import PERCENTILES, scatter_of, scatter_table
@@ -108,10 +108,11 @@ class TestCommand:
         left = np.array([float(row["residual"]) for row in rows])
         assert middle == pytest.approx(left, rel=0.1)  # two iterations do not part them
 
+    @pytest.mark.usefixtures("no_pages")
     def test_one(self, path, monkeypatch):
         monkeypatch.chdir(path.parent)
         done = run("clean", path, *self.WORDS, "--restarts", 1, "-o", "c.fits")
         assert "one run is one draw" in done.output and "over the medoid" not in done.output
         assert "RESTARTS" not in fits.getheader("c.fits", 1)
-        done = himap("clean", path, *self.WORDS, "--restarts", 2, "-o", "d.fits")
+        run("clean", path, *self.WORDS, "--restarts", 2, "-o", "d.fits")
         assert fits.getheader("d.fits", 1)["RESTARTS"] == 2

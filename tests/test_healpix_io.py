@@ -37,10 +37,10 @@ def write(path, maps, **options):
     hp.write_map(path, maps, **{"dtype": np.float32, "overwrite": True} | options)
 
 
-def write_table(path, arrays, *, null=None, **cards):
+def write_table(path, arrays, *, form=None, bzero=None, **cards):
     """A table of one map a column, with the cards of a header that healpy does not write."""
     columns = [
-        fits.Column(f"C{n}", fits.column.NUMPY2FITS[array.dtype.str[1:]], null=null, array=array)
+        fits.Column(f"C{n}", form or fits.column.NUMPY2FITS[array.dtype.str[1:]], bzero=bzero, array=array)
         for n, array in enumerate(arrays)
     ]
     table = fits.BinTableHDU.from_columns(columns)
@@ -81,22 +81,36 @@ class TestReading:
         assert file.partial and file.units == ("mK",) * 3 and file.names == ("a", "b", "c")
         assert np.array_equal(file.maps[:, :1000], maps[:, :1000]) and np.isnan(file.maps[:, 1000:]).all()
 
-    @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-    def test_bad_data(self, dtype, maps, path):
-        """A number that float32 does not hold exactly, UNSEEN and infinity."""
-        pixels = maps.astype(dtype)
-        pixels[0, :3] = -999.9, hp.UNSEEN, np.inf
-        write_table(path, pixels, BAD_DATA=-999.9)
+    @pytest.mark.parametrize("dtypes", ["ff", "dd", "fd"])
+    def test_bad_data(self, dtypes, maps, path):
+        """A number that float32 does not hold exactly, UNSEEN and infinity; in columns of two precisions."""
+        columns = [row.astype(dtype) for row, dtype in zip(maps, dtypes, strict=False)]
+        for column in columns:
+            column[:3] = -999.9, hp.UNSEEN, np.inf
+        write_table(path, columns, BAD_DATA=-999.9)
         found = read_maps(path).maps
-        assert np.isnan(found).sum() == 2 and np.isnan(found[0, :2]).all() and np.isinf(found[0, 2])
-        assert np.array_equal(found[:, 3:], pixels[:, 3:])
+        assert np.isnan(found).sum() == 4 and np.isnan(found[:, :2]).all() and np.isinf(found[:, 2]).all()
+        assert np.array_equal(found[:, 3:], maps[:2, 3:])
 
     @pytest.mark.parametrize("null", [None, -5])
     def test_integers(self, null, path):
         numbers = np.arange(-10, N_PIX - 10, dtype=np.int32) + 2**25 * np.array([[0], [1]], dtype=np.int32)
-        write_table(path, numbers, null=null)
+        write_table(path, numbers, **({"TNULL1": null, "TNULL2": null} if null else {}))
         expected = np.where(numbers == -5, np.nan if null else -5, numbers)
         assert np.array_equal(read_maps(path).maps, expected, equal_nan=True)
+
+    def test_null_is_compared_before_scaling(self, path):
+        whole = np.arange(N_PIX, dtype=np.int16)
+        write_table(path, [whole], TNULL1=8, TSCAL1=0.5, TZERO1=3.5)
+        expected = np.where(whole == 8, np.nan, 0.5 * whole + 3.5)  # which is 8 for another one
+        assert np.array_equal(read_maps(path).maps[0], expected, equal_nan=True)
+
+    def test_unsigned_integers_and_many_pixels_a_row(self, maps, path):
+        whole = np.arange(N_PIX, dtype=np.uint16) + 40_000
+        write_table(path, [whole], form="I", bzero=32768)
+        assert np.array_equal(read_maps(path).maps[0], whole)
+        write_table(path.with_name("b.fits"), [maps[0].reshape(-1, 64)], form="64E")
+        assert np.array_equal(read_maps(path.with_name("b.fits")).maps[0], maps[0])
 
     @pytest.mark.parametrize("size", [0, 3000, 9000])
     def test_a_damaged_file(self, size, maps, path):
