@@ -19,24 +19,28 @@ TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16
 
 
 class TestCriteria:
-    def test_information_is_that_of_a_model_with_known_noise_of_its_own(self):
-        """-2 ln L of independent Gaussian residuals plus the price of each parameter, over all voxels."""
-        rng = np.random.default_rng(3)
-        n_pix, n_channels = 500, 12
-        residuals = rng.standard_normal((2, n_channels, n_pix)) * np.array([2.0, 1.5])[:, None, None]
-        variances = residuals.var(axis=2)
-        for kind, price in (("bic", np.log(n_pix)), ("aic", 2.0)):
-            expected = [
-                -2
-                * stats.norm.logpdf(
-                    one, one.mean(axis=1, keepdims=True), one.std(axis=1, keepdims=True)
-                ).sum()
-                + price * n * (n_channels + n_pix)
-                for n, one in zip((3, 4), residuals, strict=True)
-            ]
-            found = n_sources.information(variances, np.array([3, 4]), n_pix, kind=kind)
-            assert found[1] - found[0] == pytest.approx((expected[1] - expected[0]) / (n_pix * n_channels))
-            assert found.min() == 0
+    @pytest.mark.parametrize(("kind", "price"), [("bic", np.log), ("aic", lambda n: 2.0)])
+    @pytest.mark.parametrize("share", [1, 0.4])
+    def test_information_is_that_of_a_model_with_known_noise_of_its_own(self, kind, price, share, rng):
+        """-2 ln L of independent Gaussian residuals plus the price of each parameter, over all voxels.
+
+        From a share of the voxels of the first channel to all of the last are there.
+        """
+        n_pix, n_channels, counts = 500, 12, np.array([3, 4])
+        seen = rng.random((n_channels, n_pix)) < np.linspace(share, 1, n_channels)[:, None]
+        lines = 2.0 * rng.standard_normal((2, n_channels, n_pix)) / np.sqrt(counts)[:, None, None]
+        left = [[row[there] for row, there in zip(one, seen, strict=True)] for one in lines]
+        n_seen = seen.sum(axis=1)
+        expected = [
+            -2 * sum(stats.norm.logpdf(row, row.mean(), row.std()).sum() for row in one)
+            + price(n_seen.mean()) * n * (n_channels + n_pix)
+            for n, one in zip(counts, left, strict=True)
+        ]
+        variances = np.array([[row.var() for row in one] for one in left])
+        given = {"n_seen": n_seen} if share < 1 else {}
+        found = n_sources.information(variances, counts, n_pix, kind=kind, **given)
+        assert found[1] - found[0] == pytest.approx((expected[1] - expected[0]) / n_seen.sum())
+        assert found.min() == 0
 
     def test_eigenvalues_above_a_line(self):
         values = np.exp(-0.1 * np.arange(50))

@@ -158,17 +158,6 @@ class TestSuggestion:
         expected = n_sources.information(variances, np.array([1, 2, 3]), n_pix, n_seen=n_seen)
         assert found.criterion == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
-    def test_information_of_samples_that_are_there(self, rng):
-        """-2 ln L of the residuals that are there, each channel with a variance of its own, and the price."""
-        n_pix, counts = 400, np.array([3, 4])
-        seen = rng.random((12, n_pix)) < np.linspace(0.4, 1, 12)[:, None]
-        variances = rng.uniform(1, 3, (2, 12))
-        n_seen = seen.sum(axis=1)
-        price = np.log(n_seen.mean()) * counts * (12 + n_pix)
-        expected = (n_seen * np.log(variances)).sum(axis=1) + price
-        found = n_sources.information(variances, counts, n_pix, n_seen=n_seen)
-        assert found[1] - found[0] == pytest.approx((expected[1] - expected[0]) / n_seen.sum())
-
     def test_lines_of_sight_with_too_few_channels(self, hits, flags, rng, tmp_path):
         """Refused by the library, left out by the command for the largest number that it tries."""
         flags[:20, :30] = True

@@ -111,18 +111,13 @@ class TestBeams:
         worst = beams_of(cube, "degraded", dish=20)
         assert worst[-1] == pytest.approx(expected[0])
 
-    @pytest.mark.parametrize("ending", ["txt", "npy"])
-    def test_file_of_widths_in_the_order_of_the_cube(self, cube, shuffled, ending, tmp_path):
-        widths = 1 + np.arange(24) / 100
-        path = tmp_path / f"fwhm.{ending}"
-        (np.save if ending == "npy" else np.savetxt)(path, widths[shuffled])
-        expected = sphere.gaussian_beam(np.deg2rad(widths), 3 * NSIDE - 1)
-        assert beams_of(cube, path) == pytest.approx(expected)
-
-    def test_file_of_transfer_functions(self, cube, shuffled, tmp_path):
-        transfer = sphere.gaussian_beam(np.deg2rad(np.linspace(2, 1, 24)), 60)
-        np.save(tmp_path / "bl.npy", transfer[shuffled])
-        assert beams_of(cube, tmp_path / "bl.npy") == pytest.approx(transfer[:, : 3 * NSIDE])
+    @pytest.mark.parametrize("of_widths", [True, False])
+    def test_file_in_the_order_of_the_cube(self, cube, shuffled, of_widths, tmp_path):
+        """Of widths, or of transfer functions."""
+        widths = np.linspace(2, 1, 24)
+        transfer = sphere.gaussian_beam(np.deg2rad(widths), 60)
+        np.save(tmp_path / "b.npy", (widths if of_widths else transfer)[shuffled])
+        assert beams_of(cube, tmp_path / "b.npy") == pytest.approx(transfer[:, : 3 * NSIDE])
 
 
 def test_frequencies_of_other_channels_are_no_obstacle_to_those_that_are_given(maps, tmp_path):

@@ -1,7 +1,6 @@
 """The ensemble of SDecGMCA: its candidates, and what is recorded of a member."""
 
 import ledgers
-import numpy as np
 import pytest
 
 from himap.paper.experiments import restarts
@@ -51,24 +50,14 @@ def test_rows_of_each_case_and_member(table):
     assert {"n_warmup", "refinement_change", "condition", "cost", "floored"} <= set(table["quantity"])
 
 
-def test_a_member_is_what_its_assessment_says(sky, table):
+def test_a_member_has_more_than_its_reading(sky, table):
+    """The numbers and curves of both are tested with the readings."""
     member = sky.realisations["code"][1]
-    comparison = member.of("oscillating")["sdecgmca"]
     rows = table[(table["case"] == "oscillating") & (table["restart"] == 1)].set_index("quantity")
-    inside = comparison.degrees > 10
-    assert rows.loc["mean error", "value"] == pytest.approx(
-        np.abs(comparison.angular_ratio[inside] - 1).mean()
-    )
-    assert rows.loc["total error", "value"] == pytest.approx(comparison.total_error())
-    assert rows.loc["flagged", "value"] == pytest.approx(member.flagged("sdecgmca").mean())
-    curve = rows.loc["P/P0"]
-    assert curve["x"].iloc[0] == pytest.approx(comparison.k[0]) and curve["x"].is_monotonic_increasing
-    weights = np.histogram(comparison.k, np.append(curve["x"] * 0.999, np.inf))[0]
-    assert np.average(curve["value"], weights=weights) == pytest.approx(
-        comparison.frequency_ratio.mean(), rel=0.05
-    )
-    masked = member.masked("sdecgmca")
-    assert rows.loc["P/P0, masked", "value"].iloc[0] == pytest.approx(masked.frequency_ratio[0])
+    total = member.of("oscillating")["sdecgmca"].total_error()
+    assert rows.loc["total error", "value"] == pytest.approx(total)
+    masked = member.masked("sdecgmca").frequency_ratio
+    assert rows.loc["P/P0, masked", "value"].iloc[0] == pytest.approx(masked[0])
     assert rows.loc["r", "value"].between(-1, 1).all()
 
 

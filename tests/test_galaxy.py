@@ -1,4 +1,4 @@
-"""The Galaxy as a choice: its fields, what PySM gives, and its dimmed plane."""
+"""The Galaxy as a choice: what PySM gives, and its dimmed plane."""
 
 import time
 
@@ -8,13 +8,10 @@ import pytest
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.maps import sphere
-from himap.paper import cleaned, pipeline
-from himap.removal.pca import PCA
+from himap.paper import pipeline
 from himap.sky.galaxy import Dimming, Galaxy
 
 SMALL = Survey(nside=16, n_channels=20, box_cells=32)
-
-# PySM
 
 
 def test_pysm3_without_network_says_what_to_do():
@@ -29,17 +26,6 @@ def test_pysm3_without_network_says_what_to_do():
         assert time.monotonic() - started < 30
     else:
         assert [component.freq_ref for component in sky] == [408, 30_000]
-
-
-# What a Galaxy may be
-
-
-def test_galaxy_is_hashable_and_labelled():
-    assert len({Galaxy(), Galaxy(source="synthetic"), Galaxy(source="pysm3")}) == 2
-    assert Galaxy(source="pysm3").label == "pysm3"
-
-
-# The dimmed plane
 
 
 def test_weight_goes_from_the_plane_to_the_edge_and_stays():
@@ -69,9 +55,3 @@ def test_only_foregrounds_are_dimmed():
     assert np.array_equal(seen.truth, fainter.truth)
     near = np.abs(sphere.pixel_latitude(16)) < 5
     assert fainter.maps[:, near].mean() < 0.2 * seen.maps[:, near].mean()
-
-
-def test_a_dimmed_case_is_another_product():
-    cases = (pipeline.Case(survey=SMALL, dimming=one) for one in (Dimming(), None))
-    one, two = (cleaned.residual(case, PCA(n_sources=2)) for case in cases)
-    assert not np.array_equal(one, two)

@@ -53,13 +53,6 @@ def test_a_method_that_ends_is_compared_with_a_truth_that_ends_there():
     assert all(len(power.angular) == 11 for power in decompose(CASE, ENDING).values())
 
 
-@pytest.mark.parametrize("lines", [slice(None), [3, 200], np.arange(768) % 5 == 0])
-def test_mean_squares_are_those_of_the_cube(lines):
-    for part in split_error(CASE, AWARE):
-        expected = np.mean(part.cube()[:, lines].astype(float) ** 2, axis=1)
-        assert part.mean_squares(lines) == pytest.approx(expected, rel=1e-5)
-
-
 @pytest.mark.parametrize("remover", [PLAIN, AWARE, FILTER, ENDING])
 def test_powers_are_those_of_what_comes_back(remover):
     """Powers of all and in common against `own_recovery`, which knows of no parts."""

@@ -1,8 +1,5 @@
 """The methods and beams as the paper uses them."""
 
-import pytest
-
-from himap.core.errors import InputError
 from himap.instrument.beams import Evolving, MeerKAT, Oscillating
 from himap.paper.methods import (
     BSS,
@@ -19,6 +16,7 @@ def test_table_1():
     counts = {name: sdecgmca_for(beam).n_sources for name, beam in paper_beams().items()}
     assert counts == {"degraded": 3, "evolving": 4, "oscillating": 5}
     assert sdecgmca_for(Evolving(), share=0.5).share == 0.5
+    assert beam_aware_for(Evolving()) == sdecgmca_for(Evolving())
     assert sdecgmca_for(Evolving()).regularisation == 5e-3
 
 
@@ -35,11 +33,3 @@ def test_six_methods():
     assert [one.name for one in six] == [*BSS, "polynomial", "parametric"]
     assert {one.n_sources for one in six if one.name in BSS} == {7}
     assert six[3].share == 0.4
-
-
-def test_what_cannot_stand_in_the_place_of_sdecgmca():
-    assert beam_aware_for(Evolving()) == sdecgmca_for(Evolving())
-    with pytest.raises(InputError, match="in the place of SDecGMCA can stand .*sdecgmca.*, got 'gmca'"):
-        methods_for(Evolving(), method="gmca")
-    with pytest.raises(InputError, match="sdecgmca has no option depth; it has n_sources,"):
-        sdecgmca_for(Evolving(), depth=2)

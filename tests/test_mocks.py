@@ -124,11 +124,6 @@ def test_the_truth_comes_back_as_it_was_assessed():
     assert own.output.angular[low] == pytest.approx(assessed.power_spectra.angular.mean[low], rel=2e-3)
 
 
-def test_a_mock_is_of_another_sky_than_the_data():
-    with pytest.raises(InputError, match="another sky than the data"):
-        recovered(CASE, (PCA(n_sources=3),), Mock(seed=SURVEY.seed))
-
-
 @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
 class TestBootstrap:
     CASE = pipeline.Case(survey=replace(SURVEY, nside=16, n_channels=40), beam=Oscillating())

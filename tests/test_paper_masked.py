@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.maps import sphere
 from himap.measures.spectra import angular_power, frequency_power
-from himap.paper import cleaned, masked, pipeline
+from himap.paper import cleaned, pipeline
 from himap.paper.masked import WAYS, Region, by_depth, compared, residual
-from himap.removal import PCA, BeamSubspace, SDecGMCA
+from himap.removal import PCA, BeamSubspace
 
 SURVEY = Survey.preset("ci", nside=16, n_channels=12, box_cells=16)
 CASE = pipeline.Case(survey=SURVEY, beam=Oscillating())
@@ -73,10 +72,3 @@ def test_errors_by_depth_add_up():
     wrong -= wrong.mean(axis=1, keepdims=True)
     numbers = np.histogram(depth[kept], edges)[0]
     assert numbers @ rms**2 / numbers.sum() == pytest.approx(np.mean(wrong**2), rel=1e-4)
-
-
-def test_what_cannot_be():
-    with pytest.raises(InputError, match="must be no mask, post-masked, dimmed or inside, got 'outside'"):
-        compared(CASE, REMOVER, REGION, "outside")
-    with pytest.raises(InputError, match="sdecgmca leaves ends at some l"):
-        masked.residual(CASE, SDecGMCA(reading="code"), REGION, "inside")

@@ -7,7 +7,7 @@ import pytest
 
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded
-from himap.instrument.beams.paper import Evolving, Oscillating
+from himap.instrument.beams.paper import Evolving
 from himap.instrument.noise import noise_maps
 from himap.maps import sphere
 from himap.measures import diagnostics
@@ -19,14 +19,6 @@ from himap.sky.point_sources import point_sources
 
 SMALL = Survey(nside=16, n_channels=20, box_cells=32)
 CASE = pipeline.Case(survey=SMALL)
-
-
-def test_products_are_kept_and_read_only():
-    first = pipeline.hi_of_sky(SMALL.sky)
-    assert pipeline.hi_of_sky.is_cached(SMALL.sky)
-    again = pipeline.hi_of_sky(SMALL.sky)
-    assert not again.flags.writeable
-    assert np.array_equal(first, again)
 
 
 def test_foregrounds_are_the_sum_of_their_components():
@@ -52,15 +44,6 @@ def test_surveys_that_differ_in_the_dish_share_their_sky():
     other = replace(SMALL, t_obs=5.0, dish_diameter=20.0)
     assert pipeline.hi_of_sky.is_cached(other.sky)
     assert not pipeline.hi_of_sky.is_cached(replace(other, seed=1).sky)
-
-
-def test_the_reading_of_the_ripple_reaches_the_maps():
-    first, second = (
-        pipeline.observation(replace(CASE, beam=Oscillating(ripple=ripple)))
-        for ripple in ("bracket", "additive")
-    )
-    assert not np.allclose(first.beams, second.beams, rtol=1e-3)
-    assert not np.array_equal(first.maps, second.maps)
 
 
 def test_readings_of_the_noise_share_the_sky():
@@ -97,16 +80,6 @@ def test_the_covariance_of_an_observation_is_shared(monkeypatch):
     cleaned.separation(CASE, PCA(n_sources=4))
     with pytest.raises(TypeError):
         cleaned.separation(replace(CASE, survey=replace(SMALL, seed=77)), PCA(n_sources=2))
-
-
-def test_spectra_of_truth_and_residual():
-    true, pca = pipeline.true_spectra(CASE), cleaned.assessment(CASE, PCA(n_sources=3)).power_spectra
-    assert cleaned.separation(CASE, PCA(n_sources=3)).mixing.shape == (20, 3)
-    inside = slice(5, 32)
-    ratio = diagnostics.ratio(pca.angular.mean[inside], true.angular.mean[inside])
-    assert 0.7 < ratio.mean() < 1.1
-    assert pca.frequency.k == pytest.approx(true.frequency.k)
-    assert true.frequency.k[1] == pytest.approx(2 * np.pi / 500)  # of the band, MHz
 
 
 def test_pca_on_the_real_sky(real_sky):

@@ -140,9 +140,13 @@ class TestEvaluate:
     def test_curves_are_means_in_bins(self, tiny):
         found, sky = tiny
         comparison, curves = sky.of("oscillating")["sdecgmca"], found["default"].curves
-        curve = curves[(curves["quantity"] == "C/C0") & (curves["restart"] == 0)]
-        assert curve["x"].to_numpy() == pytest.approx(comparison.degrees)  # each has its own bin
-        assert curve["value"].to_numpy() == pytest.approx(comparison.angular_ratio)
+        for quantity, x, ratio in (
+            ("C/C0", comparison.degrees, comparison.angular_ratio),  # each has its own bin
+            ("P/P0", comparison.k, comparison.frequency_ratio),
+        ):
+            curve = curves[(curves["quantity"] == quantity) & (curves["restart"] == 0)]
+            assert curve["x"].to_numpy() == pytest.approx(x)
+            assert curve["value"].to_numpy() == pytest.approx(ratio)
         x = np.arange(2.0, 500)
         at, means = zip(*restarts._binned(x, 3 * x), strict=True)
         assert at[:3] == (2, 3, 4) and at[-1] > 450 and len(at) <= 40

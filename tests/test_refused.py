@@ -18,9 +18,11 @@ from himap.measures.spectra import angular_power, frequency_power
 from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
 from himap.paper import pipeline
 from himap.paper.experiments.beam_errors import assumed_beam
-from himap.paper.masked import Region
-from himap.paper.mocks import Mock
+from himap.paper.masked import Region, compared
+from himap.paper.methods import methods_for, sdecgmca_for
+from himap.paper.mocks import Mock, recovered
 from himap.paper.patch import Patch
+from himap.paper.realisation import Realisation
 from himap.removal.peaks import mask_peaks
 from himap.removal.restarts import Ensemble
 from himap.removal.smooth_spectra import SmoothSpectra
@@ -36,6 +38,7 @@ BROKEN = np.where(np.indices(SKY.shape).sum(axis=0) == 0, np.nan, SKY)
 ONE = HarmonicPower(power=np.ones((5, 4)), n_channels=6, channel_width=1.0)
 CELL = np.array([3.0, 2.0, 2.5])
 SURVEY = Survey(nside=4, n_channels=6, box_cells=16)
+CASE = pipeline.Case(survey=SURVEY)
 
 
 def changed(value, where=(3, 5)):
@@ -52,6 +55,10 @@ def clean(name, n_channels=100, maps=SKY, parameters=(), **given):
 
 def windows(beam):
     return partial(named(beam).windows, lmax=10)
+
+
+def ways_of(method):
+    return partial(compared, CASE, method, Region())
 
 
 def restarted(method):
@@ -76,6 +83,8 @@ BETWEEN, BETWEEN_1 = "must be between 0 and", "n must be a whole number between 
 TABLE = [
     (Survey, "nside", 65, "power of two, got 65; try 64 or 128"),
     *((Survey, "nside", value, "whole number") for value in (64.5, "64", True)),
+    (Survey.preset, "name", "huge", "ci, quick, laptop, paper"),
+    (partial(Survey.preset, "ci"), "channels", 3, "n_channels: int  number of frequency channels"),
     (Survey, "n_channels", 1, "at least 2"),
     (Survey, "freq_min", 1400.0, "freq_min < freq_max"),
     *((Survey, "freq_min", value, "must be a number") for value in (np.nan, np.inf, "900", None, True)),
@@ -203,6 +212,8 @@ TABLE = [
     (weighted, "weights", np.full(N_PIX, "many"), "weights must be real numbers"),
     (weighted, "weights", changed(0, (slice(3, None), 7)), "pca needs 4 channels .* 1 of 192 have fewer"),
     (partial(clean, "polynomial", 16), "weights", changed(0, (slice(7, None), 7)), "needs 8 channels .* 1"),
+    *((partial(clean, "pca"), "freqs", FREQS * factor, "looks like another unit") for factor in (1e-3, 1e6)),
+    (partial(clean, "pca"), "freqs", FREQS + 1j, "real numbers"),
     (checked, "maps", [[1, 2], [3]], "one array, got rows of unequal length"),
     (checked, "maps", 1j * ONES, "maps must be real numbers, got complex128"),
     (checked, "maps", np.array([["a"]]), "real numbers, got <U1"),
@@ -228,6 +239,16 @@ TABLE = [
     (Region, "latitude", -1, "latitude .* must be at least 0"),
     (Region, "latitude", 90, "latitude .* at most 89, got 90"),
     (Region, "north", "yes", "north must be True or False, got 'yes'"),
+    (ways_of(removal.BeamSubspace()), "way", "outside", "no mask, post-masked, dimmed or inside, got 'outsi"),
+    (ways_of(removal.SDecGMCA(reading="code")), "way", "inside", "sdecgmca leaves ends at some l"),
+    (partial(recovered, CASE, (removal.PCA(),)), "mock", Mock(seed=SURVEY.seed), "another sky than the data"),
+    (partial(methods_for, Evolving()), "method", "gmca", "in the place of SDecGMCA can stand .*, got 'gmca'"),
+    (partial(sdecgmca_for, Evolving()), "depth", 2, "sdecgmca has no option depth; it has n_sources,"),
+    (Realisation, "options", (("depth", 7),), "sdecgmca has no option depth; it has n_sources"),
+    (Realisation, "options", (("share", 7),), "share"),
+    (Realisation, "restart", -1, "restart must be a whole number"),
+    (partial(Realisation, method="beam_subspace"), "restart", 1, "beam_subspace has no option restart"),
+    (partial(Realisation, survey=SURVEY), "n_sources", (), "scan needs .* to the 6 channels, got none"),
     (Patch, "ra", -1, "ra .* must be at least 0"),
     (Patch, "voxels", 1, "voxels .* at most 0.5, got 1"),
     (Patch, "n_blocks", 1.5, "n_blocks .* whole number"),

@@ -12,7 +12,6 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.blurred_mixture import BlurredMixture
-from himap.removal.data import Data
 from himap.removal.sdecgmca.method import SDecGMCA, Step
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 from himap.removal.sdecgmca.scales import Scales
@@ -101,17 +100,7 @@ class TestSeparation:
 
 
 class TestRestarts:
-    def test_a_restart_is_another_start_within_1e_10(self, problem, rng):
-        """A member is the same each time; after an iteration restarts differ, by less than 1e-3."""
-        seen = noisy(problem[0], 10, rng)
-        data = Data.of(seen, freqs=FREQS, beams=BEAMS)
-        method = SDecGMCA(
-            **QUICK | {"n_warmup": 1, "n_refinement": 1, "warmup_tolerance": 1e9, "tolerance": 1e9}
-        )
-        mixings = [replace(method, restart=k).separate(data).mixing for k in (0, 1, 2, 1)]
-        assert np.array_equal(mixings[1], mixings[3])
-        for one, two in itertools.combinations(mixings[:3], 2):
-            assert 0 < np.abs(one - two).max() < 1e-3
+    """What each run says of itself; that restarts differ is tested in test_restarts.py and the ensemble."""
 
     def test_diagnostics(self, problem, rng):
         separation = clean(SDecGMCA(**QUICK), noisy(problem[0], 10, rng)).separation

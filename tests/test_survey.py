@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
 from himap.core.survey import PRESETS, Survey
 
 
@@ -41,13 +40,6 @@ def test_the_sky_does_not_depend_on_the_instrument():
     changed = {"dish_diameter": 20.0, "n_dishes": 64, "t_obs": 1e3, "t_instr": 20.0, "f_sky": 0.5}
     survey = Survey.preset("ci", seed=3, **changed, noise_reading="variance")
     assert survey.sky == Survey.preset("ci", seed=3)
-
-
-def test_unknown_names_list_what_exists():
-    with pytest.raises(InputError, match="ci, quick, laptop, paper"):
-        Survey.preset("huge")
-    with pytest.raises(InputError, match="n_channels: int  number of frequency channels"):
-        Survey.preset("ci", channels=3)
 
 
 def test_random_streams():
