@@ -1,8 +1,11 @@
 """The ensemble of SDecGMCA: its candidates, and what is recorded of a member."""
 
+from dataclasses import replace
+
 import ledgers
 import pytest
 
+from himap.paper import cleaned
 from himap.paper.experiments import restarts
 from himap.paper.experiments.claims import JudgedSky
 from himap.paper.readings import candidates
@@ -14,15 +17,18 @@ TINY = {"preset": "ci", "survey": SURVEY, "n_realisations": 1, "n_restarts": 2, 
 
 @pytest.fixture(scope="module")
 def sky():
+    """Two members whose iterations end soon."""
     (sky,) = restarts.skies(**TINY, reading="code")
-    return sky
+    members = sky.realisations["code"]
+    return JudgedSky({"code": [replace(one, options=(*one.options, *ledgers.SHORT)) for one in members]})
 
 
 @pytest.fixture(scope="module")
 def table(sky):
+    """Without what the claims are judged on, and so without their verdicts, which are tested with them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(restarts, "judge", lambda member: {})  # tested with the claims
-        return restarts.EXPERIMENT.table([sky])
+        patch.setattr(restarts, "judge", lambda member: {})
+        return replace(restarts.EXPERIMENT, prepare=lambda skies: None).table([sky])
 
 
 def test_candidates_are_the_named_readings_with_every_end():
@@ -52,12 +58,11 @@ def test_rows_of_each_case_and_member(table):
 
 def test_a_member_has_more_than_its_reading(sky, table):
     """The numbers and curves of both are tested with the readings."""
-    member = sky.realisations["code"][1]
+    call = sky.realisations["code"][1].calls("oscillating")["sdecgmca"]
     rows = table[(table["case"] == "oscillating") & (table["restart"] == 1)].set_index("quantity")
-    total = member.of("oscillating")["sdecgmca"].total_error()
-    assert rows.loc["total error", "value"] == pytest.approx(total)
-    masked = member.masked("sdecgmca").frequency_ratio
-    assert rows.loc["P/P0, masked", "value"].iloc[0] == pytest.approx(masked[0])
+    whole, masked = (cleaned.compared(*call, masked=masked) for masked in (False, True))
+    assert rows.loc["total error", "value"] == pytest.approx(whole.total_error())
+    assert rows.loc["P/P0, masked", "value"].iloc[0] == pytest.approx(masked.frequency_ratio[0])
     assert rows.loc["r", "value"].between(-1, 1).all()
 
 

@@ -82,10 +82,9 @@ class TestReadings:
 
 
 @pytest.fixture(scope="module")
-def tiny(tmp_path_factory):
-    """Outcomes of two readings on one tiny sky, and the realisation; the cache is that of all tests."""
+def tiny():
+    """Outcomes of two readings on one tiny sky, and the realisation."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HIMAP_CACHE", str(tmp_path_factory.getbasetemp() / "himap-cache"))
         patch.setattr(experiment, "readings", lambda: CHOSEN)
         (sky,) = experiment.skies(**TINY, n_sources_max=2, n_realisations=1, n_restarts=1)
         yield outcomes(experiment.EXPERIMENT.table([sky])), sky.realisations["default"][0]

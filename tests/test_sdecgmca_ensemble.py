@@ -45,14 +45,6 @@ STORED = Record.load(authors.EXPERIMENT, ROOT / "book" / "results" / "authors_ci
 FLOORS = pytest.mark.parametrize("floor", authors.FLOORS, ids=["of the code", "at rounding"])
 
 
-@pytest.fixture(scope="module", autouse=True)
-def shared_cache(tmp_path_factory):
-    """The cache of all tests, for what is made once for this file."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HIMAP_CACHE", str(tmp_path_factory.getbasetemp() / "himap-cache"))
-        yield
-
-
 @pytest.fixture(scope="module")
 def ours():
     """Rows of the members, as of the experiment `authors`."""
