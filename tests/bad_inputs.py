@@ -8,7 +8,7 @@ import h5py
 import healpy as hp
 import numpy as np
 from astropy.io import fits
-from cube_files import power_laws
+from cube_files import power_laws, write_container
 from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, power_law_images, write_image
 
 NSIDE = 4
@@ -17,7 +17,6 @@ SHAPE = (24, N_PIX)
 FREQS = np.linspace(950, 1065, 24)
 SAID = {"unit": "mK", "order": "RING"}
 EDGES = np.linspace(900, 1020, 25)
-STOKES_NAMES = ("I", "Q", "U", "V")
 
 
 def good_maps():
@@ -96,17 +95,6 @@ def change(path, *names, **attributes):
         for name in names:
             del file[name]
         (file if path == "/" else file[path]).attrs.update(attributes)
-
-
-def write_container(pols=STOKES_NAMES, axis=("freq", "pol", "pixel"), **datasets):
-    """A container of cora as a.h5; `datasets`, with __ for /, in place of its own, None for none."""
-    with h5py.File("a.h5", "w") as file:
-        cube = np.repeat(good_maps()[:, None], len(pols), axis=1) / 1e3
-        file.create_dataset("map", data=cube).attrs["axis"] = np.array(axis).astype("S5")
-        items = {"index_map/freq": FREQS, "index_map/pol": np.array(pols).astype("S5"), "index_map/x": 1}
-        for name, values in (items | {key.replace("__", "/"): v for key, v in datasets.items()}).items():
-            if values is not None:
-                file[name] = values
 
 
 BAD = {}
@@ -239,11 +227,12 @@ add("too many groups", "a.h5", "groups", many_groups)
 add("petabytes in HDF5", "a.h5", "GB", large_hdf5)
 
 # Containers of cora and draco.
+container = partial(write_container, "a.h5", good_maps(), FREQS)
 for pols in (["XX", "YY"], ["I", "I"]):
-    add(f"polarisations {pols}", "a.h5 --unit K", "have I once", write_container, pols=pols)
+    add(f"polarisations {pols}", "a.h5 --unit K", "have I once", container, pols=pols)
 axis = ("pol", "freq", "pixel")
-add("other axes", "a.h5 --unit K", "with the axes (freq, pol, pixel)", write_container, axis=axis)
-add("a container without a unit", "a.h5", "--unit", write_container)
+add("other axes", "a.h5 --unit K", "with the axes (freq, pol, pixel)", container, axis=axis)
+add("a container without a unit", "a.h5", "--unit", container)
 for n, (name, values, message) in enumerate(
     (
         ("index_map__freq", None, "no index_map/freq"),
@@ -257,7 +246,7 @@ for n, (name, values, message) in enumerate(
         ("others", good_maps(), "name the one that is meant with --maps"),
     )
 ):
-    add(f"container {n}: {message}", "a.h5 --unit K", message, write_container, **{name: values})
+    add(f"container {n}: {message}", "a.h5 --unit K", message, container, **{name: values})
 
 
 # FITS tables.

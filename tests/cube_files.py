@@ -9,6 +9,7 @@ from himap.app.cli.main import main
 NSIDE = 16
 N_PIX = 12 * NSIDE**2
 FREQS = np.linspace(950, 1050, 24)
+STOKES = ("I", "Q", "U", "V")
 
 
 def power_laws(rng, freqs, *shape):
@@ -30,6 +31,26 @@ def write_hdf5(path, maps, freqs=FREQS, **attributes):
         file.create_dataset("sky/freq", data=freqs)
         file.attrs.update(attributes or {"unit": "mK", "order": "RING"})
     return path
+
+
+def write_container(path, maps, freqs, *, pols=STOKES, axis=("freq", "pol", "pixel"), words="S5", **datasets):
+    """A container of cora with maps (n_channels, n_pix), mK, as kelvin; Q, U and V have other numbers.
+
+    `datasets`, with __ for /, are in place of its own, None for none.
+    """
+    cube = np.full((len(maps), len(pols), maps.shape[1]), 1e6)
+    cube[:, [pol == "I" for pol in pols]] = maps[:, None] / 1e3
+    table = np.zeros(len(maps), dtype=[("centre", np.float64), ("width", np.float64)])
+    table["centre"], table["width"] = freqs, 5.0
+    items = {"index_map/freq": table, "index_map/pol": np.array(pols).astype(words)}
+    items |= {"index_map/pixel": np.arange(maps.shape[1])}
+    items |= {name.replace("__", "/"): values for name, values in datasets.items()}
+    with h5py.File(path, "w") as file:
+        file.attrs["__memh5_distributed_file"] = True
+        dataset = file.create_dataset("map", data=cube)
+        dataset.attrs.update({"axis": np.array(axis).astype(words), "__memh5_distributed_dset": True})
+        for name in (name for name, values in items.items() if values is not None):
+            file[name] = items[name]
 
 
 def run(*words, code=0):

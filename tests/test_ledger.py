@@ -181,14 +181,3 @@ def test_every_claim_has_a_figure_in_the_book():
     without = [claim.id for claim in CLAIMS.values() if not claim.figure]
     assert without == ["F1", "R1", "V1", "V3", "V4", "V6"]
     assert all(claim.figure in ("", *links[claim.notebook]) for claim in CLAIMS.values())
-
-
-def test_every_figure_of_the_paper_is_in_one_notebook():
-    """Numbered as in the paper, and captioned as such."""
-    shown = [figure for notebook in notebooks() for figure in notebook.figures]
-    assert sorted(shown) == sorted(
-        ["1", "2", "3", "4", "5", "6", "7", "A.1", "A.2", "B.1", "B.2", "B.3", "Table 1"]
-    )
-    for notebook in notebooks():
-        wanted = set(notebook.figures) - {"Table 1"}
-        assert wanted <= set(notebook.paper_figures), notebook.name

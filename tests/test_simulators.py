@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 from astropy.wcs import WCS
-from cube_files import FREQS, N_PIX, NSIDE, power_law_maps, run
+from cube_files import FREQS, N_PIX, NSIDE, power_law_maps, run, write_container
 
 from himap.cubes import clean_cube, read_cube
 from himap.sky.cosmology import redshift
@@ -21,7 +21,6 @@ from himap.sky.cosmology import redshift
 pytestmark = pytest.mark.usefixtures("here")
 EDGES = np.linspace(900, 1020, 25)
 CENTRES = (EDGES[1:] + EDGES[:-1]) / 2
-STOKES = np.array(["I", "Q", "U", "V"])
 
 
 @pytest.fixture
@@ -83,20 +82,8 @@ def write_pysm(maps, names):
         hp.write_map(f"pysm/sky_{freq:.1f}MHz.fits", stokes, **written)
 
 
-def write_cora(maps, pols=STOKES, told="S"):
-    words = h5py.string_dtype() if told == "O" else "S5"
-    cube = np.full((len(maps), len(pols), maps.shape[1]), 1e6)
-    cube[:, list(pols).index("I")] = maps / 1e3
-    table = np.zeros(len(maps), dtype=[("centre", np.float64), ("width", np.float64)])
-    table["centre"], table["width"] = CENTRES[::-1], 5.0
-    with h5py.File("map.h5", "w") as file:
-        file.attrs["__memh5_distributed_file"] = True
-        dataset = file.create_dataset("map", data=cube[::-1])
-        dataset.attrs["axis"] = np.array(("freq", "pol", "pixel")).astype(words)
-        dataset.attrs["__memh5_distributed_dset"] = True
-        file["index_map/freq"] = table
-        file["index_map/pol"] = np.array(pols).astype(words)
-        file["index_map/pixel"] = np.arange(maps.shape[1])
+def write_cora(maps, **given):
+    write_container("map.h5", maps[::-1], CENTRES[::-1], **given)
 
 
 @pytest.mark.parametrize("columns", [3, 5])
@@ -121,16 +108,9 @@ def test_pysm(names, maps):
 
 
 class TestContainers:
-    def change(self, **datasets):
-        with h5py.File("map.h5", "a") as file:
-            for name, values in datasets.items():
-                if name in file:
-                    del file[name]
-                file[name] = values
-
-    @pytest.mark.parametrize("told", ["S", "O"])
-    def test_map(self, told, maps):
-        write_cora(maps, told=told)
+    @pytest.mark.parametrize("words", ["S5", h5py.string_dtype()])
+    def test_map(self, words, maps):
+        write_cora(maps, words=words)
         said = ("24 channels from 902.5 to 1017.5 MHz, given by index_map/freq", "polarisations Q, U, V are")
         check_read("map.h5", maps, *said, unit="K")
 
@@ -140,12 +120,12 @@ class TestContainers:
         cube = check_read("map.h5", maps, unit="K")
         assert any("left out" in remark for remark in cube.remarks) == (len(pols) > 1)
 
-    @pytest.mark.parametrize("name", [None, "map"])
-    def test_plain_frequencies_and_other_maps(self, name, maps):
+    def test_plain_frequencies_and_other_maps(self, maps):
         """Which of several is meant can be said."""
-        write_cora(maps)
-        self.change(**{"index_map/freq": CENTRES[::-1]} if name is None else {"others": maps})
-        check_read("map.h5", maps, unit="K", maps_name=name)
+        write_cora(maps, index_map__freq=CENTRES[::-1])
+        check_read("map.h5", maps, unit="K")
+        write_cora(maps, others=maps)
+        check_read("map.h5", maps, unit="K", maps_name="map")
 
     def test_missing_values_of_its_maps(self, maps):
         write_cora(maps)

@@ -25,7 +25,7 @@ CHECKED = {"code": TODAY, "commit": "def5678", "dirty": False}
 
 @pytest.fixture
 def folders(tmp_path, monkeypatch):
-    """Results and notebooks; `folders(code=..., figures=names)` writes the results.
+    """Results and notebooks; `folders(code=..., figures=names, text=...)` writes the results.
 
     An experiment has a fingerprint with its name.
     """
@@ -35,7 +35,8 @@ def folders(tmp_path, monkeypatch):
     (tmp_path / "results" / "paper_a").mkdir(parents=True)
     today = find("01", tmp_path / "notebooks").fingerprint()
 
-    def write(*, about=None, figures=("fig-a", "fig-b"), **changed):
+    def write(*, about=None, figures=("fig-a", "fig-b"), text=NOTEBOOK, **changed):
+        (tmp_path / "notebooks" / "01_toy.py").write_text(text)
         rows = [
             {"name": name, "parameters": {"preset": "paper"}, "execution": RUN, "code": today} | changed
             for name in figures
@@ -69,6 +70,7 @@ def test_what_made_a_result(folders):
     ("made", "expected"),
     [
         ({}, {}),
+        ({"text": NOTEBOOK.replace("2 + 2", "2 + 3")}, {"paper_a": "fig-a, fig-b"}),
         ({"about": ABOUT | {"code": "other"}}, {"claims_a": "claims"}),
         ({"about": ABOUT | {"code": "other", "checked": CHECKED}}, {}),
         ({"about": ABOUT | {"code": TODAY, "checked": CHECKED | {"code": "older"}}}, {"claims_a": "claims"}),
@@ -83,12 +85,6 @@ def test_results_of_other_code_are_stale(folders, made, expected):
     """Those of no known code too, and figures that no notebook has any more; timings have no state."""
     found = stale_results(*folders(**made))
     assert found == {name: f"the code behind {what} changed" for name, what in expected.items()}
-
-
-def test_figures_are_stale_with_their_notebook(folders):
-    results, notebooks = folders()
-    (notebooks / "01_toy.py").write_text(NOTEBOOK.replace("2 + 2", "2 + 3"))
-    assert stale_results(results, notebooks) == {"paper_a": "the code behind fig-a, fig-b changed"}
 
 
 def test_those_in_the_book():
