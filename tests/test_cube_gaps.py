@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cube_files import FREQS, N_PIX, power_law_maps, run, write_hdf5
+from cube_files import FREQS, N_PIX, power_law_maps, power_laws, run, write_hdf5
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion
@@ -17,18 +17,25 @@ from himap.removal.pca import PCA
 from himap.removal.weighted_pca import seen_covariance
 
 SHAPE = (len(FREQS), N_PIX)
+FEWER = pytest.mark.parametrize("n_pix", [12 * 8**2])
+"""For what is the same to rounding, whatever the number of pixels."""
 
 
 @pytest.fixture
-def hits(rng):
-    return rng.integers(1, 50, N_PIX).astype(float)
+def n_pix():
+    return N_PIX
 
 
 @pytest.fixture
-def flags(rng):
+def hits(rng, n_pix):
+    return rng.integers(1, 50, n_pix).astype(float)
+
+
+@pytest.fixture
+def flags(rng, n_pix):
     """A tenth of the voxels, a burst in six channels of a quarter of the sky, and one channel altogether."""
-    flags = rng.random(SHAPE) < 0.1
-    flags[10:16, : N_PIX // 4] = True
+    flags = rng.random((len(FREQS), n_pix)) < 0.1
+    flags[10:16, : n_pix // 4] = True
     flags[7] = True
     return flags
 
@@ -36,7 +43,7 @@ def flags(rng):
 @pytest.fixture
 def cube(rng, hits, flags, tmp_path):
     """Two power laws and noise of 1 mK; what is flagged is bright."""
-    maps = np.where(flags, 1e5, power_law_maps(rng)).astype(np.float32)
+    maps = np.where(flags, 1e5, power_laws(rng, FREQS, len(hits))).astype(np.float32)
     return read_cube(write_hdf5(tmp_path / "cube.h5", maps), weights=hits, flags=flags)
 
 
@@ -76,6 +83,7 @@ class TestTransfer:
         assert found.angular[2:25].mean() == pytest.approx(expected["angular"][1:24].mean(), abs=0.003)
         assert found.frequency[1] < 0.8
 
+    @FEWER
     @pytest.mark.parametrize("peaks", [False, True])
     @pytest.mark.parametrize(
         ("method", "parameters"), [("pca", {"n_sources": 2}), ("polynomial", {"order": 3})]
@@ -148,6 +156,7 @@ class TestSuggestion:
         assert values[:2] == pytest.approx(np.linalg.eigvalsh(np.cov(smooth))[:-3:-1], rel=0.01)
         assert values[2:] == pytest.approx(1, abs=0.3)
 
+    @FEWER
     def test_information_is_of_weighted_variances(self, cube):
         """As `numpy.cov` has them, of the cube cleaned with each number."""
         found = suggestion.suggest(cube, n_sources=range(1, 4), peaks=False)
@@ -158,10 +167,11 @@ class TestSuggestion:
         expected = n_sources.information(variances, np.array([1, 2, 3]), n_pix, n_seen=n_seen)
         assert found.criterion == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
-    def test_lines_of_sight_with_too_few_channels(self, hits, flags, rng, tmp_path):
+    @FEWER
+    def test_lines_of_sight_with_too_few_channels(self, hits, flags, rng, n_pix, tmp_path):
         """Refused by the library, left out by the command for the largest number that it tries."""
         flags[:20, :30] = True
-        path = write_hdf5(tmp_path / "a.h5", power_law_maps(rng))
+        path = write_hdf5(tmp_path / "a.h5", power_laws(rng, FREQS, n_pix))
         cube = read_cube(path, weights=hits, flags=flags)
         with pytest.raises(InputError, match="pca needs 5 channels on a line of sight"):
             suggestion.suggest(cube, n_sources=range(1, 5), peaks=False)
