@@ -142,7 +142,9 @@ def test_steps_in_processes_of_their_own(tmp_path, small_trials, monkeypatch):
 
 
 def test_all_commands_of_the_paper_in_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(whole, "COMMANDS", {"peaks": "run 03_peak_masking"})
+    monkeypatch.setattr(
+        whole, "COMMANDS", {"peaks": "run 03_peak_masking -p nside=16 -p n_channels=50 -p box_cells=32"}
+    )
     path = tmp_path / "whole.json"
     options = ["--preset", "ci", "--folder", str(tmp_path / "kept"), "-o", str(path)]
     done = CliRunner().invoke(whole.main, options, catch_exceptions=False)
