@@ -56,8 +56,7 @@ class SmoothForeground:
         R, (n_bands, n_smooth, n_smooth), with R R^T the covariance of what is HI and noise in the amplitudes
         of the smooth functions, by least squares.
     axes
-        Those of the foreground, (n_smooth, n_smooth) of each band, a list: R axes axes^T R^T is its
-        covariance.
+        Those of the foreground, (n_smooth, n_axes) of each band, a list: R axes axes^T R^T is its covariance.
     n_modes
         Of each band.
     n_exact
