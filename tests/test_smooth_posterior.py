@@ -125,7 +125,7 @@ def test_draws_given_the_covariance_have_its_posterior(rng):
 
 
 def test_draws_scatter_as_estimates_do(products):
-    """In the power of what is faint: draws of one sky as their means over several skies do about the truth."""
+    """In the power of what is faint: draws of one sky as their means do about the truth of several."""
     rng, errors, scatter = np.random.default_rng(3), [], []
     for _ in range(8):
         sky = make_sky(rng, brightness=60)

@@ -99,7 +99,8 @@ def mock_survey(cube, *, seed=1):
     InputError
         Channels that are not evenly spaced, or a band outside what `Survey` takes.
     """
-    freqs = cube.freqs if evenly_spaced(cube.freqs) else np.sort(cube.layout.freqs)
+    whole = len(cube.freqs) == len(cube.layout.freqs) or evenly_spaced(cube.freqs)
+    freqs = cube.freqs if whole else np.sort(cube.layout.freqs)
     if not evenly_spaced(freqs):
         steps = np.diff(cube.freqs)
         raise InputError(
