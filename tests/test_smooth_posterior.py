@@ -8,6 +8,7 @@ from smooth_problem import BEAMS, FREQS, LMAX, NSIDE, hi_covariance, make_sky
 
 from himap.maps import sphere
 from himap.removal import harmonic
+from himap.removal.analysis import CubeModes
 from himap.removal.data import Data
 from himap.removal.smooth_posterior import SmoothForeground, foreground_given, products_of
 from himap.removal.smooth_spectra import multipole_bands, smooth_basis
@@ -139,3 +140,31 @@ def test_draws_scatter_as_estimates_do(products):
         errors.append(np.mean(drawn) - true)
         scatter.append(np.std(drawn, ddof=1))
     assert 0.5 < np.sqrt(np.mean(np.square(scatter))) / np.std(errors) < 3
+
+
+def in_bands(variances, lmax, rng):
+    """Data of white noise and of one faint smooth spectrum, with its `variances` by l, and their modes."""
+    basis = smooth_basis(FREQS, 6)
+    scale = np.repeat(np.sqrt(variances), 2 * np.arange(lmax + 1) + 1)
+    modes = rng.standard_normal((len(basis), len(scale))) + basis[:, :1] * scale * rng.standard_normal(
+        len(scale)
+    )
+    maps = np.zeros((len(basis), 12 * 32**2), np.float32)
+    data = Data.of(maps, freqs=FREQS, beams=np.ones((len(basis), lmax + 1)))
+    empty = np.zeros((len(basis), 0)), np.zeros((0, len(scale)))
+    data.known["modes"] = CubeModes(spectra=empty[0], bright=empty[1], rest=modes.astype(np.float32))
+    products = np.array([np.eye(len(basis))] * len(multipole_bands(lmax)))
+    return np.array([np.sum(axes**2) for axes in foreground_given(data, products).axes])
+
+
+def test_what_is_faint_in_every_band_is_seen_in_several(rng):
+    """A variance of 0.2 of the noise: by themselves bands at l from 15 to 30 have none of it in 0.57."""
+    found = np.array([in_bands(np.full(65, 0.2), 64, rng)[3:6] for _ in range(48)])
+    assert np.mean(found == 0) < 0.45
+    assert np.mean(found) == pytest.approx(0.2, abs=0.06)
+
+
+def test_errors_beyond_2_nside_are_no_foreground(rng):
+    """As bright as ten times the noise there; what is faint in the last band before holds."""
+    found = in_bands(np.where(np.arange(96) > 64, 10, 0.2), 95, rng)
+    assert found[-1] < 0.5

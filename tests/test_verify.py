@@ -99,6 +99,14 @@ def test_a_formula_in_other_words_is_accepted(lab):
     assert said_by(after) == ([], ["no product, method or beam changed"])
 
 
+def test_what_uses_a_product_with_other_numbers_is_renewed_with_it(lab):
+    before, after = lab(), lab(OTHER)
+    said_by(before)
+    others, said = said_by(after, renew=True)
+    assert others == ["base"] and [line.split(":")[0] for line in said] == ["base", "above"]
+    assert not any(differing for _, differing in verify.compared(after.CALLS, after.CALLS).values())
+
+
 def test_code_that_runs_on_import_and_was_not_there_is_accepted(lab):
     """Such as that of a new module: it has no former digest of its own."""
     before = lab()

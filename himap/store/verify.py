@@ -73,6 +73,12 @@ def verify(calls, *, further=None, rtols=None, renew=False, report=print):
         if renew or name not in probes["calls"]:
             probes["calls"][name] = {"gives": given}
         report(f"{name}: {said}{', stored' if differing and renew else ''}")
+    if renew and others:  # what uses them has other numbers, and the same code
+        rest = compared(calls, [name for name in calls if name not in names], rtols)
+        for name, (given, differing) in rest.items():
+            if differing:
+                probes["calls"][name] = {"gives": given}
+                report(f"{name}: {'; '.join(differing[:3])}, stored")
     behind = tree.digests(module.__name__)
     refused = {place for name in others for place in behind.get(name, ())}
     agreeing = {place: code for place, code in probes["places"].items() if place not in refused}
