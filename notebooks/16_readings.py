@@ -224,8 +224,10 @@ plotting.stamp(curves_figure(outcomes), made)
 # {glue:text}`readings_most_charitable`, which is first in {glue:text}`readings_first` % of the resamples; the
 # default has {glue:text}`readings_default_mean`, and is first in {glue:text}`readings_default_first` %. The
 # count of a candidate has a scatter of {glue:text}`readings_scatter` over skies (the median of all
-# candidates). Until the skies distinguish candidates, the default rests on eight starts on each of two skies
-# at that size and on one at the paper's, in which `code-rounding` did not fail and had the paper's spectra,
+# candidates). At that scatter the mean of {glue:text}`readings_most_charitable` would be two standard errors
+# above that of the default after {glue:text}`readings_needed` skies, so more starts on these would not decide.
+# The default rests on eight starts on each of two skies at that size and on one at the paper's, in which
+# `code-rounding` did not fail and had the paper's spectra,
 # peak, flagged lines of sight and dependence on the number of sources.
 
 # %% tags=["hide-input"]
@@ -233,11 +235,12 @@ ensembles = [
     Record.load(find_experiment("restarts"), path)
     for path in sorted(Path(folder or RESULTS).glob("restarts_*_candidates.json"))
 ]
-for ensemble in ensembles:
-    table = readings_table.candidates_table(ensemble.rows)
+counted = [(ensemble, candidate_counts(ensemble.rows)) for ensemble in ensembles]
+for ensemble, counts in counted:
+    table = readings_table.candidates_table(ensemble.rows, counts)
     display(Markdown(f"*{ensemble.made.footer()}*"), Table(table.columns, table.to_numpy()))
-at_laptop = [ensemble.rows for ensemble in ensembles if ensemble.made.preset == "laptop"]
-rows = at_laptop[0] if at_laptop else record.rows[:0]
+at_laptop = [(one.rows, counts) for one, counts in counted if one.made.preset == "laptop"]
+rows, counts = at_laptop[0] if at_laptop else (record.rows[:0], None)
 seeds = sorted({*rows["seed"]})
 is_selection = rows["seed"].isin(seeds[:2])
 selection, confirmation, everywhere = (
@@ -252,13 +255,14 @@ def place(label, ranked):
 
 
 default = next(label for label, one in candidates().items() if one.values == known["default"].values)
-names = ("scatter", "least", "most", "default_mean", "first", "default_first")
+names = ("scatter", "least", "most", "default_mean", "first", "default_first", "needed")
 numbers = dict.fromkeys(names, "not measured")
 if len(seeds) > 1:
-    counts = candidate_counts(rows)
     means, first = counts.mean(), 100 * shares_first(counts)
     values = counts.std().median(), means.min(), means.max(), means[default]
     values = *((value, 0.1) for value in values), (first[everywhere[0]], 2), (first[default], 2)
+    ahead = counts[everywhere[0]] - counts[default]  # of the same skies and starts
+    values = *values, ((2 * ahead.std() / ahead.mean()) ** 2, 2) if ahead.any() else "not measured"
     numbers = dict(zip(names, values, strict=True))
 n_starts = rows["restart"].nunique()
 quote(
@@ -275,6 +279,7 @@ quote(
     readings_most=numbers["most"],
     readings_default_mean=numbers["default_mean"],
     readings_first=numbers["first"],
+    readings_needed=numbers["needed"],
     readings_default_first=numbers["default_first"],
 )
 

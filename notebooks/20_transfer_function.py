@@ -49,9 +49,10 @@
 # ({cite:t}`wandelt2004`). The mean of that, a Wiener filter, has less power than the foreground, above all
 # where that is no brighter than HI. If the method is a projection, $b$ is then its *foreground residual*; else
 # it may be negative.
-# `himap transfer` and `himap clean --mocks` have the $\hat f$ of the method itself instead, for which neither
-# the whole sphere nor a beam is needed; they take one source more where that one removes significantly more
-# from the data than from the members.
+# `himap transfer` and `himap clean --mocks` do the same for a whole sphere. Without `--beam`, for methods that
+# need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and a residual that it
+# leaves is not known. A check that needs no $\hat f$ is always made: whether the corrected power depends on how
+# bright the foreground is.
 #
 # Mocks can also be added to the data, $\hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d)$
 # ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but no foreground residual, and
@@ -435,10 +436,10 @@ show_table(rows, columns=4)
 #   BeamSubspace on the real Galaxy.
 # - **The error bars of SmoothSpectra at `quick` are too small.** Which spectra it subtracts differs more
 #   between skies than between members of one sky.
-# - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) and
-#   `one_more` (the change by one source more) in the unit of the spectrum; the columns `error_1` and so on have
-#   the error of each mock, and `himap.measures.bootstrap.covariance` gives their covariance between bands. It
-#   can be inverted for fewer bands than mocks.
+# - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) is
+#   in the unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
+#   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
+#   bands than mocks.
 # - **What is lost entirely comes from the mocks alone.** Where the transfer function is far from one, data whose
 #   HI is smoother in frequency than that of the mocks have lost more than the mocks say, and no error bar here
 #   knows it. Mocks of your own (`--mocks FILE`) are the way out.
@@ -449,7 +450,7 @@ show_table(rows, columns=4)
 #
 # ```sh
 # himap transfer cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mocks 10 --mock-noise 0.04 -o transfer.html
-# himap transfer cube.h5 --method pca -p n_sources=5 --mocks mock1.h5 --mocks mock2.h5 --truth hi.h5 -o transfer.html
+# himap transfer cube.h5 --method pca --beam oscillating -p n_sources=5 --mocks mock1.h5 --mocks mock2.h5 --truth hi.h5 -o transfer.html
 # ```
 #
 # ## Exercises

@@ -174,8 +174,8 @@ class TestCleaning:
         assert found.true_frequency.mean() == pytest.approx(mean, rel=1e-5)
         mocks = [rng.standard_normal(cube.maps.shape).astype(np.float32) for _ in range(2)]
         measured = measure_transfer(cleaned, mocks)
-        assert 0.7 < measured[0][1].own.frequency[1:].mean() < 1
-        corrected = correct(measured, spectra_of(cleaned))
+        assert 0.7 < measured.frequency[1:].mean() < 1
+        corrected = correct(cleaned, measured, spectra_of(cleaned))
         assert np.isfinite(corrected["frequency"].corrected).all()
 
 

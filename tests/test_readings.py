@@ -210,7 +210,7 @@ class TestDefault:
         # Both are equal where the sky 9 was not drawn: (2 / 3)^3 of the resamples.
         assert first["letter"] == pytest.approx((2 / 3) ** 3 / 2, abs=0.03)
         assert first["follow-up"] == 0 and first.sum() == pytest.approx(1)
-        table = candidates_table(rows)
+        table = candidates_table(rows, counts)
         assert table["candidate"].tolist() == ["code", "letter", "follow-up"]
         assert table["statements on SD that hold"].tolist() == ["1.0", "0.7", "0.0"]
         assert table["on the skies 7, 8, 9"].tolist() == ["1.0, 1.0, 1.0", "1.0, 1.0, 0.0", "0.0, 0.0, 0.0"]

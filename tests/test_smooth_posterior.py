@@ -168,3 +168,9 @@ def test_errors_beyond_2_nside_are_no_foreground(rng):
     """As bright as ten times the noise there; what is faint in the last band before holds."""
     found = in_bands(np.where(np.arange(96) > 64, 10, 0.2), 95, rng)
     assert found[-1] < 0.5
+
+
+def test_a_spectrum_that_is_bright_beyond_2_nside_alone_is_one_more(rng):
+    """Than the bands before have, which have none."""
+    found = in_bands(np.where(np.arange(96) > 64, 1000, 0), 95, rng)
+    assert found[-1] == pytest.approx(1000, rel=0.2) and found[:-4].max() < 0.5

@@ -9,38 +9,42 @@ from himap.figures.tables import Table
 from himap.measures.bootstrap import LEVEL, chance_of, covariance
 from himap.measures.diagnostics import bands
 
-HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample", "one more")
+HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample")
 """Columns of `corrected_table`."""
 
 HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "total pull")
 """Further ones where there is a truth."""
 
+_MOST = 0.5  # of the power of the residual
 _LOST = 0.01  # of the power: where less is lost, mocks unlike the data do no harm
 
 
-def remarks_on(corrected, n_sources):
-    """What the user should know of what `correct` gives, a list of sentences.
-
-    `n_sources` is that of the cleaning, None of a method that has none.
-    """
-    one, remarks = corrected["angular"], []
-    if one.n_sources != n_sources:
+def remarks_on(corrected):
+    """What the user should know of what `correct` gives, a list of sentences."""
+    remarks, ratios = [], _contradictions(corrected)
+    if most := [name for name, share in _foreground_shares(corrected).items() if share > _MOST]:
         remarks.append(
-            f"{n_sources} sources leave foreground residual: the spectra are corrected with {one.n_sources}."
+            f"Most of the residual is foreground in {', '.join(most)}: remove more (`himap suggest` says how "
+            "many)."
         )
-    if not one.explained:
-        remarks.append(
-            f"There is foreground residual with {one.n_sources} sources too, and in the corrected spectra: "
-            "remove more (`himap suggest` says how many); or HI smoother in frequency than that of the mocks."
-        )
-    if ratios := _contradictions(corrected):
+    if ratios:
         shown = ", ".join(f"{name}: {ratio:.2g}" for name, ratio in ratios.items())
         remarks.append(
-            f"The corrected power is not that of the mocks (over it, in {shown}). Power that is lost "
-            "entirely is known from the mocks alone: if theirs has another shape, the correction is wrong. "
-            "Give mocks like the data (--mocks FILE)."
+            f"The corrected power is not that of the mocks (over it, in {shown}). Where it is more, there "
+            "may be foreground residual that theirs does not have. Power that is lost entirely is known from "
+            "the mocks alone: if theirs has another shape, the correction is wrong. Give mocks like the data "
+            "(--mocks FILE)."
         )
     return remarks
+
+
+def _foreground_shares(corrected):
+    """{band: share of the power of the residual that was subtracted}."""
+    places, shares = bands(corrected["angular"].x, corrected["frequency"].x), {}
+    for name, (kind, inside) in places.items():
+        one = corrected[kind]
+        shares[plain_band(name)] = np.sum((one.share * one.systematic)[inside]) / np.sum(one.residual[inside])
+    return shares
 
 
 def _with_errors(one, inside):
@@ -53,7 +57,7 @@ def _with_errors(one, inside):
 def _contradictions(corrected):
     """{band: corrected power over that of the mocks} where they differ at `LEVEL`, by all errors together.
 
-    Where there may be foreground residual in the corrected power, only where that is fainter.
+    Where little is lost, only where it is more.
     """
     places, ratios = bands(corrected["angular"].x, corrected["frequency"].x), {}
     for name, (kind, inside) in places.items():
@@ -62,7 +66,7 @@ def _contradictions(corrected):
         expected = one.expected[inside].mean() / mean
         sigma = np.linalg.norm([bar, systematic, sample * expected * np.sqrt(1 + 1 / n_mocks)])
         chance = len(places) * chance_of(abs(1 - expected) / sigma, n_mocks)
-        if one.share[inside].mean() < 1 - _LOST and chance < LEVEL and (one.explained or expected > 1):
+        if chance < LEVEL and (expected < 1 or one.share[inside].mean() < 1 - _LOST):
             ratios[plain_band(name)] = 1 / expected
     return ratios
 
@@ -70,9 +74,8 @@ def _contradictions(corrected):
 def corrected_table(corrected):
     """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`.
 
-    Error bar, systematic error, sample variance and the change by one source more are relative to the
-    corrected power. The pull is (corrected - truth) / error bar; of the total pull this has the systematic
-    error too, in quadrature.
+    Error bar, systematic error and sample variance are relative to the corrected power. The pull is
+    (corrected - truth) / error bar; of the total pull this has the systematic error too, in quadrature.
     """
     knows = corrected["angular"].knows_truth
     rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
@@ -82,7 +85,7 @@ def corrected_table(corrected):
         row = [plain_band(name), f"{one.share[inside].mean():.4f}"]
         row += [f"{mean / one.residual[inside].mean():.4f}"]
         row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
-        row += [f"{systematic:.2%}", f"{sample:.2%}", f"{one.one_more[inside].mean() / mean:+.2%}"]
+        row += [f"{systematic:.2%}", f"{sample:.2%}"]
         if knows:
             ratios = [np.mean(power[inside] / one.truth[inside]) for power in (one.residual, one.corrected)]
             pulls = [(ratios[1] - 1) / sigma for sigma in (bar, np.hypot(bar, systematic))]
@@ -115,18 +118,17 @@ def plain_band(name):
 
 def corrected_parts(corrected):
     """Parts of a page: both spectra, as they are and corrected, their transfer functions, and a table."""
-    n_sources, n_mocks = corrected["angular"].n_sources, len(corrected["angular"].sample)
-    used = "" if n_sources is None else f", with {n_sources} sources"
+    n_mocks = len(corrected["angular"].sample)
     text = (
-        f"Each of {n_mocks} mocks took the place of the HI and noise of the cube, and was cleaned with its "
-        f"foreground{used}. What comes back of their power is the transfer function T; what a residual has "
-        "beyond that is foreground residual, and subtracted. Thin lines are one error bar, from mocks that "
-        "are corrected by each other: the error of a cleaning of this very sky. The mocks have the "
-        "foreground that the cleaning estimated, and the correction is as good as this estimate: all that "
-        "was subtracted is quoted as systematic error, to be added to the error bar in quadrature. Sample "
-        "variance and noise are a column of the table and in neither; another is by how much one source more "
-        "changes the result. Mocks must resemble the data: their HI has the power that himap assumes, or "
-        "that of the files that were given."
+        f"Each of {n_mocks} mocks took the place of the HI and noise of the cube, and was cleaned with a "
+        "foreground drawn from what is known of its own; or, without the beam, on a part of the sky or with "
+        "gaps, with the one that the method estimated. What comes back of their power is the "
+        "transfer function T; what a residual has beyond that is foreground residual, and subtracted. Thin "
+        "lines are one error bar, from mocks that are corrected by each other: the error of a cleaning of "
+        "this very sky. The correction is as good as the estimated foreground: all that was subtracted is "
+        "quoted as systematic error, to be added to the error bar in quadrature. Sample variance and noise "
+        "are a column of the table and in neither. Mocks must resemble the data: their HI has the power that "
+        "himap assumes, or that of the files that were given."
     )
     panels, shares = [], []
     for kind, one in corrected.items():
@@ -154,7 +156,7 @@ def write_spectra(corrected, path, scatter=None):
 
     Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), and of `Corrected` ``residual``
     (mK^2, or mK^2 MHz), ``transfer_function``, ``corrected``, ``sigma`` and ``sample`` (both relative),
-    ``expected``, ``foreground``, ``systematic``, ``one_more``, ``truth`` (as ``residual``); for each mock
+    ``expected``, ``systematic``, ``truth`` (as ``residual``); for each mock
     ``error_1`` and so on, of which `himap.measures.bootstrap.covariance` is the relative covariance of lines
     or of means over them; of the `Scatter` of restarts also its `columns`.
     """
@@ -163,7 +165,7 @@ def write_spectra(corrected, path, scatter=None):
         each = np.eye(len(one.x))
         columns = {"residual": one.residual, "transfer_function": one.share, "corrected": one.corrected}
         columns |= {"sigma": one.sigma(each), "sample": one.sigma(each, "sample")}
-        names = "expected", "foreground", "systematic", "one_more", "truth"
+        names = "expected", "systematic", "truth"
         columns |= {name: getattr(one, name) for name in names}
         columns |= {f"error_{n}": errors for n, errors in enumerate(one.errors, 1)}
         columns |= {} if scatter is None else scatter.columns(kind, one.x)

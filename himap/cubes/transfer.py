@@ -1,22 +1,21 @@
 """Spectra of a cleaned cube, corrected by mocks for signal loss and foreground residual."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from himap.core.checks import checked_cube
 from himap.core.errors import InputError
-from himap.cubes.spectra import spectra_of
+from himap.cubes.brightness import Parts
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
-from himap.measures.bootstrap import bootstrap_of, sigma
+from himap.measures.bootstrap import sigma
 from himap.measures.low_rank_spectra import FAINT, masked_alms
-from himap.measures.transfer import harmonic_power, mock_power, mock_power_of_cubes
-from himap.removal.cleaning import one_more
+from himap.measures.transfer import TransferFunction, harmonic_power, mock_power, mock_power_of_cubes
 from himap.removal.data import means_of
-
-MOST = 2
-"""How many numbers of sources spectra are corrected with: that of the cleaning, and one more."""
+from himap.removal.smooth_posterior import foreground_given, products_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +29,7 @@ class Corrected:
     residual
         As the method leaves it, C_l averaged over channels in mK^2, or P(k) in mK^2 MHz.
     share
-        The transfer function, with the number of sources that the correction is made with.
+        The transfer function.
     corrected
         The corrected spectrum; NaN where nothing comes back.
     errors
@@ -41,18 +40,10 @@ class Corrected:
         The mean power of the mocks in the place of `corrected`.
     systematic
         What was estimated from the mocks as foreground residual and subtracted, over the transfer function,
-        in the unit of the spectrum. Nothing in the data says how good this estimate is, so it is the
-        systematic error of `corrected`.
-    foreground
-        All foreground residual of `residual`, likewise: more, if the correction is made with one source more.
-    one_more
-        What `corrected` has more than the correction by the same members with one source more, likewise.
+        in the unit of the spectrum. As it rests on their foreground, it is the systematic error of
+        `corrected`.
     truth
         The spectrum of the truth, NaN where it is not known.
-    n_sources
-        Of the correction; None of a method that has none.
-    explained
-        Whether one source more removes HI alone, as far as can be seen.
     """
 
     x: np.ndarray
@@ -63,11 +54,7 @@ class Corrected:
     sample: np.ndarray
     expected: np.ndarray
     systematic: np.ndarray
-    foreground: np.ndarray | None = None
-    one_more: np.ndarray | None = None
     truth: np.ndarray | None = None
-    n_sources: int | None = None
-    explained: bool = True
 
     @property
     def knows_truth(self):
@@ -83,8 +70,32 @@ class Corrected:
         return sigma(relative @ np.transpose(bins)) if len(relative) > 1 else np.full(len(bins), np.nan)
 
 
-def measure_transfer(cleaned, mocks):
+@dataclass(frozen=True, kw_only=True)
+class CubeTransfer(TransferFunction):
+    """The `TransferFunction` of a cleaned cube, and the power of its members in parts of the sky.
+
+    Attributes
+    ----------
+    drawn
+        Whether members have a foreground that was drawn, and not the one that the method estimated.
+    parts
+        The `Parts`.
+    powers
+        P(k) of the residual of each member in each of them, mK^2 MHz, (n_mocks, n_parts, n_k).
+    """
+
+    drawn: bool
+    parts: Parts
+    powers: np.ndarray
+
+
+def measure_transfer(cleaned, mocks, *, beams=None):
     """The bootstrap of a cleaning: mocks in the place of the HI and noise of the cube, cleaned as it was.
+
+    With the beams of a full sphere without gaps the foreground of every member is drawn from what is known of
+    that of the cube, if its HI and noise are like the mocks
+    (`himap.removal.smooth_posterior.SmoothForeground`), so that it has what the method leaves in the residual
+    too. Else it is the one that the method estimated.
 
     Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing the mock,
     what comes back of it and the residual of the cube all count as 0, so that their ratios are right.
@@ -95,58 +106,78 @@ def measure_transfer(cleaned, mocks):
         The `CleanedCube`.
     mocks
         Maps of mocks, (n_channels, n_seen) each, mK, seen through the beam of the cube; made one at a time if
-        they are a generator. What they have where a voxel is missing counts nothing.
+        they are a generator, and kept in temporary files. What they have where a voxel is missing counts
+        nothing.
+    beams
+        b_l of the cube, (n_channels, lmax + 1).
 
     Returns
     -------
-    list
-        (`CleanedCube`, `Bootstrap`) with the method's number of sources, and so on to `MOST` of them; of a
-        method without such a number one.
+    CubeTransfer
 
     Raises
     ------
     InputError
-        No mock, one of another shape than the cube, or fewer channels than sources.
+        No mock, one of another shape than the cube, or with beams too few channels or too narrow a band.
     """
     cube = cleaned.cube
     _ = cube.nside  # refuses an image in the plane
-    several = [cleaned]
-    while len(several) < MOST and one_more(several[-1].method) != several[-1].method:
-        several.append(several[-1].with_one_more)
-    most = getattr(several[-1].with_one_more.method, "n_sources", 0)
-    if most > len(cube.freqs):
+    with TemporaryDirectory() as folder:
+        kept = [_kept(cube, mock, Path(folder) / str(n)) for n, mock in enumerate(mocks)]
+        drawn = bool(kept) and beams is not None and cube.whole_sky and cube.missing is None
+        draw = _draws(cleaned, [alms for alms, _ in kept], beams) if drawn else None
+        parts, powers, mock_powers = Parts.of(cleaned), [], []
+        for n, (alms, mock) in enumerate(kept):
+            # Of another stream than the mock, which may be drawn from the same number.
+            rng = np.random.default_rng(np.random.SeedSequence(n, spawn_key=(1,)))
+            separation = cleaned.separation if draw is None else draw(rng)
+            member = cleaned.resampled(mock, separation)
+            mock_powers.append(_mock_power(cube, separation, member.separation, alms, mock))
+            powers.append(parts.powers(member.residual, cube.channel_width))
+    return CubeTransfer(mocks=tuple(mock_powers), drawn=drawn, parts=parts, powers=np.array(powers))
+
+
+def _kept(cube, mock, path):
+    """Coefficients (n_channels, n_alm) and maps of a mock, in files next to a path."""
+    mock = checked_cube("a mock", mock)
+    if mock.shape != cube.maps.shape:
         raise InputError(
-            f"spectra are corrected with up to {len(several)} sources more than are removed, {most}, and the "
-            f"cube has {len(cube.freqs)} channels: remove fewer sources."
+            f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got {mock.shape}."
         )
-    powers = [[] for _ in several]
-    for mock in mocks:
-        mock = checked_cube("a mock", mock)
-        if mock.shape != cube.maps.shape:
-            raise InputError(
-                f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
-                f"{mock.shape}."
-            )
-        for one, members in zip(several, powers, strict=True):
-            member = one.resampled(mock)
-            both = {each.method: each for each in (member, member.with_one_more)}
-            members.append([_mock_power(one, each, mock) for each in both.values()])
-    return [(one, bootstrap_of(members)) for one, members in zip(several, powers, strict=True)]
+    seen = mock
+    if cube.missing is not None:
+        seen = np.where(cube.missing, 0, mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype)
+    files = path.with_suffix(".alms.npy"), path.with_suffix(".maps.npy")
+    for file, array in zip(files, (alms_of(cube, seen), mock), strict=True):
+        np.save(file, array)
+    return [np.load(file, mmap_mode="r") for file in files]
 
 
-def _mock_power(cleaned, member, mock):
-    """The `MockPower` of a member of the bootstrap of a `CleanedCube`, whose truth is a mock."""
-    cube, other = cleaned.cube, member.separation
+def _draws(cleaned, fields, beams):
+    """A function of a Generator that draws the foreground of a `CleanedCube`, a `Separation`.
+
+    `fields` are the coefficients of the mocks.
+    """
+    data = replace(cleaned.data, weights=None, beams=beams, seed=None)
+    lmax = min(3 * cleaned.cube.nside, beams.shape[1]) - 1
+    known = foreground_given(data, products_of((sphere.alms_upto(one, lmax) for one in fields), lmax))
+    return lambda rng: known.draw(data, rng)
+
+
+def _mock_power(cube, before, after, alms, mock):
+    """The `MockPower` of a mock, and its coefficients, of a member of the bootstrap.
+
+    Of the `Separation` with its foreground, and of the one that was estimated of it.
+    """
+    alms = alms if after.lmax is None else sphere.alms_upto(alms, after.lmax)
     if cube.missing is None:
         faint = FAINT * float(mock.var(axis=1, dtype=np.float64).sum())
-        alms = alms_of(cube, mock, other.lmax)
-        return mock_power_of_change(cube, alms, cleaned.separation, other, faint)
+        return mock_power_of_change(cube, alms, before, after, faint)
     # Both cubes have 0 in the gaps.
-    change = other.foreground + -cleaned.separation.foreground
-    back = change.subtract_from(mock, other.means - cleaned.separation.means)
-    mock = (mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype)
-    alms = (alms_of(cube, np.where(cube.missing, 0, maps)) for maps in (mock, back))
-    return mock_power_of_cubes(*alms, cube.channel_width)
+    change = after.foreground + -before.foreground
+    back = change.subtract_from(mock, after.means - before.means)
+    back = alms_of(cube, np.where(cube.missing, 0, back), after.lmax)
+    return mock_power_of_cubes(alms, back, cube.channel_width)
 
 
 def alms_of(cube, maps, lmax=None):
@@ -175,57 +206,41 @@ def mock_power_of_change(cube, alms, before, after, faint):
     return mock_power(alms, replace(change, maps=cube.on_sphere(change.maps)), cube.channel_width)
 
 
-def correct(measured, spectra, truth=None):
+def correct(cleaned, transfer, spectra, truth=None):
     """Both spectra of a cleaned cube, corrected, {"angular": `Corrected`, "frequency": `Corrected`}.
-
-    The number of sources is the first whose foreground explains what one source more takes from the cube
-    (`himap.measures.bootstrap.Bootstrap.explains`), or the last that was measured.
 
     Parameters
     ----------
-    measured
-        What `measure_transfer` returns.
+    cleaned
+        The `CleanedCube`.
+    transfer
+        Its `CubeTransfer` (`measure_transfer`).
     spectra
-        The `PowerSpectra` of the cleaned cube, in bins of l where a mask asks for them.
+        Its `PowerSpectra`, in bins of l where a mask asks for them.
     truth
         The `Comparison` with the truth, if there is one.
     """
-    lmax = len(measured[0][1].own.degrees) - 1
-    several = [one for one, _ in measured] + [measured[-1][0].with_one_more]
-    powers = [
-        harmonic_power(alms_of(one.cube, one.residual, lmax), one.cube.channel_width) for one in several
-    ]
-    explaining = [n for n, (_, transfer) in enumerate(measured) if transfer.explains(*powers[n : n + 2])]
-    used = explaining[0] if explaining else len(measured) - 1
-    (_, first), (cleaned, last) = measured[0], measured[used]
-    shown, places = _both(spectra), {"angular": spectra.angular.degrees, "frequency": spectra.frequency.k}
-    # The power of pixels and of coefficients to lmax differ, and that of a mask: alike for spectra alike.
-    nearer, corrected = shown if used == 0 else _both(spectra_of(cleaned)), {}
+    alms = alms_of(cleaned.cube, cleaned.residual, len(transfer.degrees) - 1)
+    power, corrected = harmonic_power(alms, cleaned.cube.channel_width), {}
+    places = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
+    places["frequency"] = spectra.frequency.k, spectra.frequency.power
     true = {} if truth is None else {"angular": (truth.degrees, truth.true_angular)}
     if truth is not None:
         true["frequency"] = truth.k, truth.true_frequency
-    for kind, x in places.items():
-        transfers = (first.own, powers[0]), (last.own, powers[used]), (last.more, powers[used + 1])
-        own, one, more = (_in_bins(kind, x, transfer, power) for transfer, power in transfers)
+    for kind, (x, shown) in places.items():
+        one = _in_bins(kind, x, transfer, power)
         inside = np.isin(x, one.x)
-        own_scale, scale = shown[kind][inside] / own.residual, nearer[kind][inside] / one.residual
+        # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
+        scale = shown[inside] / one.residual
         corrected[kind] = replace(
             one,
-            residual=shown[kind][inside],
+            residual=shown[inside],
             corrected=one.corrected * scale,
             expected=one.expected * scale,
             systematic=one.systematic * scale,
-            foreground=(own.corrected + own.systematic) * own_scale - one.corrected * scale,
-            one_more=(one.corrected - more.corrected) * scale,
             truth=np.interp(one.x, *true.get(kind, ([0], [np.nan])), left=np.nan, right=np.nan),
-            n_sources=getattr(cleaned.method, "n_sources", None),
-            explained=bool(explaining),
         )
     return corrected
-
-
-def _both(spectra):
-    return {"angular": spectra.angular.mean, "frequency": spectra.frequency.power}
 
 
 def _in_bins(kind, x, transfer, power):

@@ -156,8 +156,8 @@ def resampled(case, removers, mock, mocks, mask_peaks=True):
     alms, maps = _alms_and_maps(case, mock)
     model = cleaned.cleaning(case, removers[0], mask_peaks)
     rng = replace(case.survey, seed=mock.seed).rng("foreground")
-    vars(model)["separation"] = drawn = foreground_like(case, mocks).draw(_with_peaks(case), rng)
-    return _powers(case, alms, model.resampled(maps), removers, [drawn] * len(removers))
+    drawn = foreground_like(case, mocks).draw(_with_peaks(case), rng)
+    return _powers(case, alms, model.resampled(maps, drawn), removers, [drawn] * len(removers))
 
 
 def transfer_functions(case, removers, mocks):

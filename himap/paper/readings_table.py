@@ -7,7 +7,6 @@ import pandas as pd
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
 from himap.paper.readings import (
     BANDS,
-    candidate_counts,
     candidates,
     charity,
     ranked_candidates,
@@ -99,13 +98,12 @@ def insensitive_claims(outcomes):
     return [claim for claim in CLAIMS if len(versions.get(claim, ())) == 1]
 
 
-def candidates_table(rows):
+def candidates_table(rows, counts):
     """A DataFrame of texts with a row for each candidate for the default, the most charitable first.
 
-    `rows` are those of a record of restarts.
+    `rows` are those of a record of restarts, and `counts` the `candidate_counts` of them.
     """
-    known, judged, counts = readings() | candidates(), outcomes_of(rows), candidate_counts(rows)
-    first = shares_first(counts)
+    known, judged, first = readings() | candidates(), outcomes_of(rows), shares_first(counts)
     return pd.DataFrame(
         {
             "candidate": known[label].title,

@@ -70,16 +70,17 @@ class Cleaning:
         """The same of the data with a mock, (n_channels, n_pix), mK, and without the peaks of both."""
         return self._of(self.data.with_mock(mock))
 
-    def resampled(self, mock):
+    def resampled(self, mock, separation=None):
         """The same of a member of a parametric bootstrap, whose truth is the mock (n_channels, n_pix), mK.
 
-        The mock replaces all that the data have beyond their estimated foreground; peaks are masked again,
-        and missing voxels remain missing.
+        The mock replaces all that the data have beyond their foreground, that of a `Separation` or as it was
+        estimated; peaks are masked again, and missing voxels remain missing.
         """
-        found, old = self.separation, self.data.maps
+        separation = self.separation if separation is None else separation
+        foreground, old = separation.foreground, self.data.maps
         maps = np.empty_like(old)
         for pixels in blocks(maps.shape[1]):
-            maps[:, pixels] = found.foreground.lines(pixels) + found.means[:, None] + mock[:, pixels]
+            maps[:, pixels] = foreground.lines(pixels) + separation.means[:, None] + mock[:, pixels]
         if self.data.missing is not None:
             maps = np.where(self.data.missing, old, maps)
         return self._of(replace(self.data, maps=maps))
@@ -100,11 +101,6 @@ class Cleaning:
         """The same with another number of sources."""
         return self.with_method(replace(self.method, n_sources=n_sources))
 
-    @property
-    def with_one_more(self):
-        """The same with one source more, of a method that has a number of them."""
-        return self.with_method(one_more(self.method))
-
     def with_restart(self, restart):
         """The same from another start of a method that is chaotic, such as `SDecGMCA`; 0 has no change."""
         return self.with_method(replace(self.method, restart=restart))
@@ -113,11 +109,6 @@ class Cleaning:
         """The same of a part of a full sphere, `mask` (n_pix,) bool."""
         data = self.data.on(mask)
         return replace(self, data=data, basis=data if self.basis is self.data else self.basis.on(mask))
-
-
-def one_more(method):
-    """The method with one source more; one without a number of sources as it is."""
-    return replace(method, n_sources=method.n_sources + 1) if hasattr(method, "n_sources") else method
 
 
 def without_peaks(data):

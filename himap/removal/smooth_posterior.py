@@ -56,7 +56,8 @@ class SmoothForeground:
         R, (n_bands, n_smooth, n_smooth), with R R^T the covariance of what is HI and noise in the amplitudes
         of the smooth functions, by least squares.
     axes
-        Those of the foreground, (n_smooth, n_axes) of each band, a list: R axes axes^T R^T is its covariance.
+        Those of the foreground, (n_smooth, n_axes) of each band, a list, with zeros where fewer do:
+        R axes axes^T R^T is its covariance.
     n_modes
         Of each band.
     n_exact
@@ -208,7 +209,9 @@ def _axes(totals, n_modes, n_exact):
         several.append(np.hstack([own[place], rest[place] @ axes * np.sqrt(variances)]))
     dim = several[-1][:, np.sum(several[-1] ** 2, axis=0) < _BRIGHT]
     beyond = zip(own[n_exact:], rest[n_exact:], strict=True)
-    return several + [np.hstack([bright, axes @ (axes.T @ dim)]) for bright, axes in beyond]
+    several += [np.hstack([bright, axes @ (axes.T @ dim)]) for bright, axes in beyond]
+    n_axes = max(one.shape[1] for one in several)
+    return [np.pad(one, ((0, 0), (0, n_axes - one.shape[1]))) for one in several]
 
 
 def _with_scatter(mean, rng):

@@ -171,6 +171,7 @@ def _cleaned(asked):
     """A `CleanedCube`, and the function that writes its page, and spectra, to paths."""
     from himap.cubes import corrected as texts
     from himap.cubes import scatter
+    from himap.cubes.brightness import brightness_table, by_brightness, remarks_on_brightness
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.files import read_truth
     from himap.cubes.report import patches_part, write_report
@@ -202,10 +203,19 @@ def _cleaned(asked):
     comparison = None if true is None else compared(cleaned, true)
     spectra = None if true is not None and mocks is None else spectra_of(cleaned)
     if mocks is not None:
-        corrected = correct(measure_transfer(cleaned, mocks), spectra, comparison)
-        more = texts.corrected_parts(corrected)
+        measured = measure_transfer(cleaned, mocks, beams=beams)
+        corrected = correct(cleaned, measured, spectra, comparison)
+        if not measured.drawn:
+            _tell(
+                asked,
+                f"The mocks have the foreground that {remover.name} estimated, so that a foreground residual "
+                "is not known; it is with the beam of a whole sphere without gaps.",
+            )
+        in_parts = by_brightness(cleaned, measured)
+        more = [*texts.corrected_parts(corrected), brightness_table(in_parts)]
         click.echo(texts.corrected_table(corrected))
-        _tell(asked, *texts.remarks_on(corrected, getattr(remover, "n_sources", None)))
+        click.echo(brightness_table(in_parts))
+        _tell(asked, *texts.remarks_on(corrected), *remarks_on_brightness(in_parts))
     scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
     if scattered is not None:
         more = [*scatter.scatter_parts(scattered), *more]
