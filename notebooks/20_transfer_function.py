@@ -70,9 +70,10 @@ methods: list = [["beam_subspace", 3], ["pca", 6]]  # pairs of a name and a numb
 reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 n_mocks: int = 6  # mocks, each with a seed of its own
 results: list | None = None  # what `himap measure transfer` wrote; null: that of the book
-larger: list | None = None  # the same at quick
+larger: list | None = None  # the same at higher resolution
 
 # %%
+import itertools
 import warnings
 
 import numpy as np
@@ -312,19 +313,18 @@ quote(
 # 1.
 
 # %% tags=["hide-input"]
-GALAXIES = ("synthetic", "templates")
 
 
-def stored(paths, size):
-    """The records in some files, or those of the book."""
-    paths = paths or [RESULTS / f"transfer_{size}_{name}.json" for name in GALAXIES]
-    return [Record.load(EXPERIMENT, path) for path in paths]
+def stored(paths, *sizes):
+    """The records in some files, or those of the book of some sizes."""
+    files = (sorted(RESULTS.glob(f"transfer_{size}_*.json")) for size in sizes)
+    return [Record.load(EXPERIMENT, path) for path in paths or itertools.chain(*files)]
 
 
 def shown(records):
     """The figure of some records."""
     return plotting.stamp(
-        transfer_figure({f"{one.made.galaxy} Galaxy": one.rows for one in records}),
+        transfer_figure({f"{one.made.preset}, {one.made.galaxy} Galaxy": one.rows for one in records}),
         "\n".join(one.made.footer() for one in records),
     )
 
@@ -333,11 +333,13 @@ def summarised(records):
     """Their table."""
     summaries = [EXPERIMENT.summary(one.rows) for one in records]
     rows = [
-        (one.made.galaxy, *row)
+        (f"{one.made.preset}, {one.made.galaxy}", *row)
         for one, summary in zip(records, summaries, strict=True)
         for row in summary.itertuples(index=False)
     ]
-    return Table(["Galaxy", *summaries[0].columns], rows, align="lll" + "r" * (summaries[0].shape[1] - 2))
+    return Table(
+        ["size, Galaxy", *summaries[0].columns], rows, align="lll" + "r" * (summaries[0].shape[1] - 2)
+    )
 
 
 records = stored(results, "ci")
@@ -352,13 +354,13 @@ summarised(records)
 # (transfer-larger)=
 # ## At higher resolution
 #
-# The same at `quick`. The skies are few, so the intervals of the coverage are wide; the bands of a sky are
-# not independent.
+# The same at `quick`, and on {glue:text}`transfer_laptop_skies` skies at `laptop`, with the real Galaxy alone.
+# The bands of a sky are not independent.
 
 # %% tags=["hide-input"]
-finer = stored(larger, "quick")
+finer = stored(larger, "quick", "laptop")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "Means over skies at quick of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Grey lines: 1 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "Means over skies at quick and laptop of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Grey lines: 1 %."}}
 shown(finer)
 
 # %% tags=["hide-input"]
@@ -391,31 +393,35 @@ def calibration(rows):
 
 
 rows = {}
-for size, several in {"ci": records, "quick": finer}.items():
-    for record in several:
-        for name in record.rows["method"].unique():
-            of = "real" if record.made.galaxy.startswith("templates") else "synthetic"
-            total = with_systematic(of_method(record, name))
-            cells = *calibration(of_method(record, name)), *calibration(total)
-            heads = "coverage", "squared pull", "with systematic", "squared pull with it"
-            growth = (total["error_bar"] / of_method(record, name)["error_bar"]).median()
-            rows[f"{size}, {of} Galaxy, {styles.METHOD_STYLES[name]['label']}"] = {
-                "before": furthest(record, name, "uncorrected"),
-                "after": furthest(record, name),
-                **dict(zip(heads, cells, strict=True)),
-                "wider by": (growth, 0.1),
-            }
+for record in [*records, *finer]:
+    for name in record.rows["method"].unique():
+        of = "real" if record.made.galaxy.startswith("templates") else "synthetic"
+        total = with_systematic(of_method(record, name))
+        cells = *calibration(of_method(record, name)), *calibration(total)
+        heads = "coverage", "squared pull", "with systematic", "squared pull with it"
+        growth = (total["error_bar"] / of_method(record, name)["error_bar"]).median()
+        rows[f"{record.made.preset}, {of} Galaxy, {styles.METHOD_STYLES[name]['label']}"] = {
+            "before": furthest(record, name, "uncorrected"),
+            "after": furthest(record, name),
+            **dict(zip(heads, cells, strict=True)),
+            "wider by": (growth, 0.1),
+        }
+skies = {}
+for one in finer:
+    skies[one.made.preset] = min(len(one.seeds), skies.get(one.made.preset, len(one.seeds)))
 quote(
     transfer_skies=min(len(one.seeds) for one in records),
     transfer_mocks=dict(records[0].made.overrides)["n_mocks"],
-    transfer_larger_skies=min(len(one.seeds) for one in finer),
+    transfer_larger_skies=skies.get("quick", 0),
+    transfer_laptop_skies=skies.get("laptop", 0),
 )
 
 # %% [markdown]
 # ## Summary
 #
 # Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky; {glue:text}`transfer_skies`
-# skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy. *Before* and *after* are
+# skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy, and
+# {glue:text}`transfer_laptop_skies` at `laptop` with the real one. *Before* and *after* are
 # the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$;
 # below they are larger (tables above).
 # Coverage is of all bands; the squared pull is the median of bands. *With systematic* the error bar has, in

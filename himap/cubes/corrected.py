@@ -22,7 +22,12 @@ _LOST = 0.01  # of the power: where less is lost, mocks unlike the data do no ha
 def remarks_on(corrected):
     """What the user should know of what `correct` gives, a list of sentences."""
     remarks, ratios = [], _contradictions(corrected)
-    if most := [name for name, share in _foreground_shares(corrected).items() if share > _MOST]:
+    places = bands(corrected["angular"].x, corrected["frequency"].x)
+    if most := [
+        plain_band(name)
+        for name, (kind, inside) in places.items()
+        if np.sum(corrected[kind].foreground[inside]) > _MOST * np.sum(corrected[kind].residual[inside])
+    ]:
         remarks.append(
             f"Most of the residual is foreground in {', '.join(most)}: remove more (`himap suggest` says how "
             "many)."
@@ -36,15 +41,6 @@ def remarks_on(corrected):
             "(--mocks FILE)."
         )
     return remarks
-
-
-def _foreground_shares(corrected):
-    """{band: share of the power of the residual that was subtracted}."""
-    places, shares = bands(corrected["angular"].x, corrected["frequency"].x), {}
-    for name, (kind, inside) in places.items():
-        one = corrected[kind]
-        shares[plain_band(name)] = np.sum((one.share * one.systematic)[inside]) / np.sum(one.residual[inside])
-    return shares
 
 
 def _with_errors(one, inside):

@@ -61,6 +61,11 @@ class Corrected:
         """Whether the truth is known anywhere."""
         return bool(np.isfinite(self.truth).any())
 
+    @property
+    def foreground(self):
+        """The part of the residual that was subtracted, in its unit."""
+        return self.share * self.systematic
+
     def sigma(self, bins, of="errors"):
         """Relative error bars of means over bins, rows of weights (n_bins, n); NaN where one mock is all.
 
