@@ -284,6 +284,21 @@ quote(
 )
 
 # %% [markdown]
+# (readings-shares)=
+# ### Which claims hold at that size
+#
+# The share of skies and starts in which the main parts of a claim hold (their mean), for the default and the
+# readings with a name. Claims on other methods are the same for all.
+
+# %% tags=["hide-input"]
+at_that_size = outcomes_of(rows)
+labels = {name: default if name == "default" else name for name in READINGS}
+shares = readings_table.shares_table(
+    {name: at_that_size[label] for name, label in labels.items() if label in at_that_size}
+)
+Table(shares.columns, shares.to_numpy(), align="ll" + "r" * (shares.shape[1] - 2))
+
+# %% [markdown]
 # The next table has, for the readings above, the choices that contradict the text, the statements that hold,
 # failures and verdicts (signs as in the ledger); the last table, in each band, the value furthest from 1 of
 # any run (no column: {glue:text}`readings_empty`).

@@ -28,7 +28,7 @@ from himap.paper.readings import (
     readings,
     shares_first,
 )
-from himap.paper.readings_table import candidates_table
+from himap.paper.readings_table import candidates_table, shares_table
 from himap.paper.realisation import Realisation
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 
@@ -215,6 +215,10 @@ class TestDefault:
         assert table["statements on SD that hold"].tolist() == ["1.0", "0.7", "0.0"]
         assert table["on the skies 7, 8, 9"].tolist() == ["1.0, 1.0, 1.0", "1.0, 1.0, 0.0", "0.0, 0.0, 0.0"]
         assert table["which"][1] == "none" and table["first"][2] == "0 %"
+        shares = shares_table(outcomes(rows)).set_index("claim")
+        claim = empty["quantity"]
+        assert shares.loc[claim, [*held]].tolist() == ["100%", "67%", "0%"]
+        assert (shares.drop(index=claim)[[*held]] == "–").to_numpy().all()
 
     def test_a_record_of_restarts_is_judged_by_what_it_has_of_the_oscillating_beam(self):
         empty = dict.fromkeys(restarts.EXPERIMENT.columns) | {"seed": 7, "n_sources": 0}

@@ -53,6 +53,22 @@ def summary_table(outcomes):
     return pd.DataFrame(rows)
 
 
+def shares_table(outcomes):
+    """A DataFrame of texts with a row for each claim and a column for each of {label: `Outcome`}.
+
+    In it is the share of the members in which a main part holds, the mean over parts; a dash where the claim
+    does not apply.
+    """
+    rows = []
+    for name, claim in CLAIMS.items():
+        row = {"claim": name, "statement": claim.statement}
+        for label, one in outcomes.items():
+            share = one.entries[name].main_shares["mean"].mean() if name in one.entries else math.nan
+            row[label] = "–" if math.isnan(share) else f"{share:.0%}"
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
 def _furthest(values):
     """Of some ratios the one that is furthest from 1 as a factor; a dash where there is none."""
     finite = [value for value in values if math.isfinite(value)]
