@@ -447,8 +447,9 @@ show_table(rows, columns=4)
 #   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
 #   bands than mocks.
 # - **What is lost entirely comes from the mocks alone.** Where the transfer function is far from one, data whose
-#   HI is smoother in frequency than that of the mocks have lost more than the mocks say, and no error bar here
-#   knows it. Mocks of your own (`--mocks FILE`) are the way out.
+#   HI is smoother in frequency than that of the mocks have lost more than the mocks say, and what they have
+#   more than the mocks in smooth spectra is subtracted as foreground. No error bar here knows it, but the
+#   systematic error has the latter. Mocks of your own (`--mocks FILE`) are the way out.
 # - **Sample variance and noise are not in these error bars**, because the truth is that of the same sky. The
 #   commands below list them separately.
 #
