@@ -51,8 +51,8 @@
 # it may be negative.
 # `himap transfer` and `himap clean --mocks` do the same for a whole sphere. Without `--beam`, for methods that
 # need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and a residual that it
-# leaves is not known. A check that needs no $\hat f$ is always made: whether the corrected power depends on how
-# bright the foreground is.
+# leaves is not known. A check that needs no $\hat f$ is always made: whether the corrected power is
+# that of the residual in parts of the sky, extrapolated to no foreground.
 #
 # Mocks can also be added to the data, $\hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d)$
 # ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but no foreground residual, and

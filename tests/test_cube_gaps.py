@@ -91,7 +91,9 @@ class TestTransfer:
         cleaned = clean_cube(cube, method, peaks=peaks, **parameters)
         mock = mock_of(cube, rng)
         disturbed = np.where(cube.missing, np.float32(1e6), mock)
-        quiet, loud = (measure_transfer(cleaned, [each]) for each in (mock, disturbed))
+        beams = np.ones((len(cube.freqs), 3 * cube.nside))
+        quiet, loud = (measure_transfer(cleaned, [each], beams=beams) for each in (mock, disturbed))
+        assert not quiet.drawn and np.array_equal(quiet.powers, loud.powers)
         assert np.array_equal(quiet.frequency, loud.frequency) and np.array_equal(quiet.angular, loud.angular)
 
     @pytest.mark.parametrize(("n_sources", "close"), [(2, 0.01), (3, 0.02)])

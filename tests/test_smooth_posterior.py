@@ -174,3 +174,11 @@ def test_a_spectrum_that_is_bright_beyond_2_nside_alone_is_one_more(rng):
     """Than the bands before have, which have none."""
     found = in_bands(np.where(np.arange(96) > 64, 1000, 0), 95, rng)
     assert found[-1] == pytest.approx(1000, rel=0.2) and found[:-4].max() < 0.5
+
+
+def test_a_foreground_may_be_as_bright_as_float64_holds(products):
+    """Draws of its covariance need no Cholesky factor of it."""
+    sky = make_sky(np.random.default_rng(5), brightness=1e9)
+    data = data_of(sky.truth + sky.foreground)
+    drawn = foreground_given(data, products).draw(data, np.random.default_rng(1)).foreground.cube()
+    assert power(drawn, 5, LMAX) == pytest.approx(power(sky.foreground, 5, LMAX), rel=1e-3)

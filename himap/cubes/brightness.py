@@ -1,7 +1,8 @@
-"""A cross-check of corrected power: whether it depends on how bright the foreground is.
+"""A cross-check of corrected power: residual power in parts of the sky, extrapolated to no foreground.
 
-Foreground residual that the members of a bootstrap do not have is brighter where the foreground is; HI and
-noise are not. No estimate of the residual enters, nor a beam.
+Foreground residual is brighter where the foreground is; HI and noise are not. The extrapolation uses neither
+an estimate of the residual nor a beam. The brightest part determines the line, so that a residual that is as
+bright in all others is not seen.
 """
 
 from dataclasses import dataclass
@@ -50,66 +51,70 @@ class Parts:
         return np.array([frequency_power(residual[:, part], channel_width).power for part in self.pixels])
 
     def without(self, ratios):
-        """Ratios (..., `N_PARTS`) at the brightness 0, by a line through them, over their mean, (...)."""
-        slope, none = np.polyfit(self.brightness, np.reshape(ratios, (-1, N_PARTS)).T, 1)
-        return (none / np.mean(np.reshape(ratios, (-1, N_PARTS)), axis=1)).reshape(np.shape(ratios)[:-1])
+        """Ratios (..., `N_PARTS`) at the brightness 0, by a line through them, (...)."""
+        design = np.vander(self.brightness, 2, increasing=True)
+        return ratios @ np.linalg.pinv(design)[0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """Power in parts of the sky in one band of k.
+    """Residual power in parts of the sky in one band of k, over T times the corrected power.
 
     Attributes
     ----------
     ratios
-        Power of the residual over the mean of the members, in each part, over the mean of these ratios.
+        In each part; where mocks have more than on average they are less by that.
     without
-        The same extrapolated to no foreground.
-    sigma
-        Error bar of `without`, from members compared with each other; NaN where one mock is all.
+        The same extrapolated to no foreground: 1 if the foreground residual is what was subtracted.
+    error
+        Of `without` - 1: of the extrapolation, from mocks compared with each other, error bar and systematic
+        error of the corrected power, in quadrature; NaN where one mock is all.
     chance
-        That it is as far from 1, if the foreground residual is that of the members.
+        That it is as far from 1.
     """
 
     ratios: np.ndarray
     without: float
-    sigma: float
+    error: float
     chance: float
 
 
-def by_brightness(cleaned, transfer):
-    """{band of k: `Band`} of a `CleanedCube` and its `CubeTransfer`."""
-    cube, parts, members = cleaned.cube, transfer.parts, transfer.powers
-    own, power = parts.powers(cleaned.residual, cube.channel_width), {}
-    for name, (_, inside) in bands(np.empty(0), transfer.k[1:]).items():
-        inside = np.r_[False, inside]
-        several, n_mocks = members[..., inside].mean(axis=-1), len(members)
-        ratios = own[:, inside].mean(axis=-1) / several.mean(axis=0)
-        without, bar = float(parts.without(ratios)), np.nan
+def by_brightness(cleaned, transfer, corrected):
+    """{band of k: `Band`} of a `CleanedCube`, its `CubeTransfer`, and what `correct` makes of it."""
+    parts, one, n_mocks = transfer.parts, corrected["frequency"], len(transfer.mocks)
+    own, power = parts.powers(cleaned.residual, cleaned.cube.channel_width)[:, 1:], {}
+    for name, (_, inside) in bands(np.empty(0), one.x).items():
+        mocks, residual = transfer.powers[..., 1:][..., inside].mean(axis=-1), own[:, inside].mean(axis=-1)
+        foreground, total = (np.mean(each[inside]) for each in (one.foreground, one.residual))
+        ratios = _shape(residual) / _shape(mocks.mean(axis=0)) * total / (total - foreground)
+        without, errors = float(parts.without(ratios)), [np.nan]
         if n_mocks > 1:
-            others = (several.sum(axis=0) - several) / (n_mocks - 1)
-            bar = float(sigma(parts.without(several / others) - 1))
-        power[plain_band(name)] = Band(
-            ratios=ratios / ratios.mean(),
-            without=without,
-            sigma=bar,
-            chance=float(chance_of(abs(without - 1) / bar, n_mocks)),
-        )
+            others = (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
+            errors = [float(sigma(parts.without(_shape(mocks) / _shape(others)) - 1)), *one.errors_in(inside)]
+        error = float(np.linalg.norm(errors))
+        chance = float(chance_of(abs(without - 1) / error, n_mocks)) if n_mocks > 1 else np.nan
+        power[plain_band(name)] = Band(ratios=ratios, without=without, error=error, chance=chance)
     return power
+
+
+def _shape(powers):
+    """Powers (..., `N_PARTS`) over their mean."""
+    return powers / powers.mean(axis=-1, keepdims=True)
 
 
 def brightness_table(power):
     """A `Table` of what `by_brightness` gives."""
     rows = [
-        [name, *map("{:.4f}".format, [*one.ratios, one.without]), f"{one.sigma:.2%}", f"{one.chance:.2g}"]
+        [name, *map("{:.4f}".format, [*one.ratios, one.without]), f"{one.error:.2%}", f"{one.chance:.2g}"]
         for name, one in power.items()
     ]
     rows = [["–" if cell.startswith("nan") else cell for cell in row] for row in rows]
     middle = [f"{n}" for n in range(2, N_PARTS)]
-    header = ["fifths of the sky", "faintest", *middle, "brightest", "no foreground", "error bar", "chance"]
+    header = ["fifths of the sky", "faintest", *middle, "brightest", "no foreground", "error", "chance"]
     note = (
-        "Corrected power by the brightness of the foreground, over the mean of the fifths; by a line where "
-        "there is no foreground, with its error bar, and the chance that it is as far from 1."
+        "Residual power by the brightness of the foreground, over T times the corrected power; extrapolated "
+        "to no foreground, with the error of this and of the corrected power, and the chance that it is as "
+        "far from 1."
     )
     return Table(header, rows, align="l" + "r" * (len(header) - 1), note=note)
 
@@ -118,6 +123,7 @@ def remarks_on_brightness(power):
     """What the user should know of it, a list of sentences."""
     unlike = [name for name, one in power.items() if one.chance * len(power) < LEVEL]
     return [
-        f"The corrected power depends on how bright the foreground is ({', '.join(unlike)}): there is "
-        "foreground residual that is not known, or the beam is another."
+        f"The corrected power is not that of the residual extrapolated to no foreground, in "
+        f"{', '.join(unlike)}: the foreground residual is not what was subtracted, the beam is another, or "
+        "noise is distributed unlike that of the mocks."
     ] * bool(unlike)

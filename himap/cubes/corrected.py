@@ -29,8 +29,8 @@ def remarks_on(corrected):
         if np.sum(corrected[kind].foreground[inside]) > _MOST * np.sum(corrected[kind].residual[inside])
     ]:
         remarks.append(
-            f"Most of the residual is foreground in {', '.join(most)}: remove more (`himap suggest` says how "
-            "many)."
+            f"Most of the residual is foreground in {', '.join(most)}: remove more of it (`himap suggest` "
+            "says how many sources)."
         )
     if ratios:
         shown = ", ".join(f"{name}: {ratio:.2g}" for name, ratio in ratios.items())
@@ -45,9 +45,8 @@ def remarks_on(corrected):
 
 def _with_errors(one, inside):
     """Mean corrected power in a band; relative to it the error bar, systematic error and sample variance."""
-    weights, mean = [inside / inside.sum()], one.corrected[inside].mean()
-    systematic = abs(one.systematic[inside].mean() / mean)
-    return mean, one.sigma(weights)[0], systematic, one.sigma(weights, "sample")[0]
+    mean, sample = one.corrected[inside].mean(), one.sigma([inside / inside.sum()], "sample")[0]
+    return mean, *one.errors_in(inside), sample
 
 
 def _contradictions(corrected):

@@ -15,7 +15,7 @@ from himap.measures.bootstrap import sigma
 from himap.measures.low_rank_spectra import FAINT, masked_alms
 from himap.measures.transfer import TransferFunction, harmonic_power, mock_power, mock_power_of_cubes
 from himap.removal.data import means_of
-from himap.removal.smooth_posterior import foreground_given, products_of
+from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +63,7 @@ class Corrected:
 
     @property
     def foreground(self):
-        """The part of the residual that was subtracted, in its unit."""
+        """The part of the residual that was subtracted, in its unit; in bins of l nearly."""
         return self.share * self.systematic
 
     def sigma(self, bins, of="errors"):
@@ -74,10 +74,15 @@ class Corrected:
         relative = getattr(self, of)
         return sigma(relative @ np.transpose(bins)) if len(relative) > 1 else np.full(len(bins), np.nan)
 
+    def errors_in(self, inside):
+        """Error bar and systematic error of the mean over `inside`, (n,) bool, relative to it."""
+        systematic = abs(self.systematic[inside].mean() / self.corrected[inside].mean())
+        return self.sigma([inside / inside.sum()])[0], systematic
+
 
 @dataclass(frozen=True, kw_only=True)
 class CubeTransfer(TransferFunction):
-    """The `TransferFunction` of a cleaned cube, and the power of its members in parts of the sky.
+    """The `TransferFunction` of a cleaned cube, and the power of its mocks in parts of the sky.
 
     Attributes
     ----------
@@ -86,7 +91,7 @@ class CubeTransfer(TransferFunction):
     parts
         The `Parts`.
     powers
-        P(k) of the residual of each member in each of them, mK^2 MHz, (n_mocks, n_parts, n_k).
+        P(k) of each mock in each of them, mK^2 MHz, (n_mocks, n_parts, n_k).
     """
 
     drawn: bool
@@ -97,8 +102,8 @@ class CubeTransfer(TransferFunction):
 def measure_transfer(cleaned, mocks, *, beams=None):
     """The bootstrap of a cleaning: mocks in the place of the HI and noise of the cube, cleaned as it was.
 
-    With the beams of a full sphere without gaps the foreground of every member is drawn from what is known of
-    that of the cube, if its HI and noise are like the mocks
+    With the beams of a full sphere without gaps, in more than `N_SMOOTH` channels, the foreground of every
+    member is drawn from what is known of that of the cube, if its HI and noise are like the mocks
     (`himap.removal.smooth_posterior.SmoothForeground`), so that it has what the method leaves in the residual
     too. Else it is the one that the method estimated.
 
@@ -111,8 +116,8 @@ def measure_transfer(cleaned, mocks, *, beams=None):
         The `CleanedCube`.
     mocks
         Maps of mocks, (n_channels, n_seen) each, mK, seen through the beam of the cube; made one at a time if
-        they are a generator, and kept in temporary files. What they have where a voxel is missing counts
-        nothing.
+        they are a generator, and kept in temporary files where foregrounds are drawn. What they have where a
+        voxel is missing counts nothing.
     beams
         b_l of the cube, (n_channels, lmax + 1).
 
@@ -123,37 +128,48 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     Raises
     ------
     InputError
-        No mock, one of another shape than the cube, or with beams too few channels or too narrow a band.
+        No mock, one of another shape than the cube, the same mock again, or with beams too narrow a band.
     """
     cube = cleaned.cube
     _ = cube.nside  # refuses an image in the plane
+    drawn = beams is not None and cube.whole_sky and cube.missing is None and len(cube.freqs) > N_SMOOTH
+    parts, draw = Parts.of(cleaned), None
+    members, in_parts, mock_powers = _analysed(cube, parts, mocks), [], []
     with TemporaryDirectory() as folder:
-        kept = [_kept(cube, mock, Path(folder) / str(n)) for n, mock in enumerate(mocks)]
-        drawn = bool(kept) and beams is not None and cube.whole_sky and cube.missing is None
-        draw = _draws(cleaned, [alms for alms, _ in kept], beams) if drawn else None
-        parts, powers, mock_powers = Parts.of(cleaned), [], []
-        for n, (alms, mock) in enumerate(kept):
+        if drawn:  # all mocks are looked at twice
+            members = [_in_files(Path(folder) / str(n), arrays) for n, arrays in enumerate(members)]
+            draw = _draws(cleaned, [alms for alms, *_ in members], beams) if members else None
+        for n, (alms, mock, powers) in enumerate(members):
+            if any(np.array_equal(powers, others) for others in in_parts):
+                raise InputError(f"mocks must differ, and number {n + 1} is one of those before it.")
             # Of another stream than the mock, which may be drawn from the same number.
             rng = np.random.default_rng(np.random.SeedSequence(n, spawn_key=(1,)))
-            separation = cleaned.separation if draw is None else draw(rng)
-            member = cleaned.resampled(mock, separation)
-            mock_powers.append(_mock_power(cube, separation, member.separation, alms, mock))
-            powers.append(parts.powers(member.residual, cube.channel_width))
-    return CubeTransfer(mocks=tuple(mock_powers), drawn=drawn, parts=parts, powers=np.array(powers))
+            mock_powers.append(_member_power(cleaned, mock, alms, None if draw is None else draw(rng)))
+            in_parts.append(np.array(powers))
+    return CubeTransfer(mocks=tuple(mock_powers), drawn=drawn, parts=parts, powers=np.array(in_parts))
 
 
-def _kept(cube, mock, path):
-    """Coefficients (n_channels, n_alm) and maps of a mock, in files next to a path."""
-    mock = checked_cube("a mock", mock)
-    if mock.shape != cube.maps.shape:
-        raise InputError(
-            f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got {mock.shape}."
-        )
-    seen = mock
-    if cube.missing is not None:
-        seen = np.where(cube.missing, 0, mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype)
-    files = path.with_suffix(".alms.npy"), path.with_suffix(".maps.npy")
-    for file, array in zip(files, (alms_of(cube, seen), mock), strict=True):
+def _analysed(cube, parts, mocks):
+    """Of one mock after the other its coefficients, maps, and powers in parts of the sky.
+
+    The maps are as they came; the others of the mock less its means, and 0 where a voxel is missing.
+    """
+    for mock in mocks:
+        mock = seen = checked_cube("a mock", mock)
+        if mock.shape != cube.maps.shape:
+            raise InputError(
+                f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
+                f"{mock.shape}."
+            )
+        if cube.missing is not None:
+            seen = np.where(cube.missing, 0, mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype)
+        yield alms_of(cube, seen), mock, parts.powers(seen, cube.channel_width)
+
+
+def _in_files(path, arrays):
+    """The arrays as files next to a path, mapped into memory when they are looked at, a list."""
+    files = [path.with_suffix(f".{n}.npy") for n in range(len(arrays))]
+    for file, array in zip(files, arrays, strict=True):
         np.save(file, array)
     return [np.load(file, mmap_mode="r") for file in files]
 
@@ -163,17 +179,20 @@ def _draws(cleaned, fields, beams):
 
     `fields` are the coefficients of the mocks.
     """
-    data = replace(cleaned.data, weights=None, beams=beams, seed=None)
-    lmax = min(3 * cleaned.cube.nside, beams.shape[1]) - 1
+    # With nothing that is known of the data already, so that these do not keep their modes.
+    data = replace(cleaned.data, weights=None, beams=beams, seed=None, known={})
+    lmax = min(3 * cleaned.cube.nside, data.beams.shape[1]) - 1
     known = foreground_given(data, products_of((sphere.alms_upto(one, lmax) for one in fields), lmax))
     return lambda rng: known.draw(data, rng)
 
 
-def _mock_power(cube, before, after, alms, mock):
-    """The `MockPower` of a mock, and its coefficients, of a member of the bootstrap.
+def _member_power(cleaned, mock, alms, before=None):
+    """The `MockPower` of a mock with the coefficients `alms` as a member of the bootstrap.
 
-    Of the `Separation` with its foreground, and of the one that was estimated of it.
+    Its foreground is that of the `Separation` `before`, or the one that was estimated.
     """
+    cube, before = cleaned.cube, cleaned.separation if before is None else before
+    after = cleaned.resampled(mock, before).separation
     alms = alms if after.lmax is None else sphere.alms_upto(alms, after.lmax)
     if cube.missing is None:
         faint = FAINT * float(mock.var(axis=1, dtype=np.float64).sum())
@@ -256,13 +275,14 @@ def _in_bins(kind, x, transfer, power):
     bins = np.abs(known_at - x[inside, None]) < half
     bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
     left, share = getattr(power, kind), getattr(transfer, kind)
-    corrected = np.where(share > 0, transfer.corrected(kind, left), np.nan)
+    lost = share <= 0
+    corrected = np.where(lost, 0, transfer.corrected(kind, left))
     several = len(transfer.mocks) > 1
     return Corrected(
         x=x[inside],
         residual=bins @ left[known],
         share=bins @ share[known],
-        corrected=bins @ corrected[known],
+        corrected=np.where(bins @ lost[known] > 0, np.nan, bins @ corrected[known]),
         errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
         sample=transfer.sample(kind)[:, known] @ bins.T,
         expected=bins @ np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)[known],

@@ -20,7 +20,9 @@ from himap.removal.smooth_spectra import (
 )
 from himap.removal.spectral_filter import SpectralFilter, filtered
 
-_N_SMOOTH = 6  # smooth functions: they hold any power law to the last digit of float32
+N_SMOOTH = 6
+"""Smooth functions of frequency: they hold any power law to the last digit of float32."""
+
 _BRIGHT = 100  # times HI and noise: more than the errors beyond 2 nside
 _REACH = 2  # bands on either side that the faint spectra of a band are estimated from too
 
@@ -56,8 +58,8 @@ class SmoothForeground:
         R, (n_bands, n_smooth, n_smooth), with R R^T the covariance of what is HI and noise in the amplitudes
         of the smooth functions, by least squares.
     axes
-        Those of the foreground, (n_smooth, n_axes) of each band, a list, with zeros where fewer do:
-        R axes axes^T R^T is its covariance.
+        Those of the foreground, (n_smooth, n_axes) of each band, a list, with columns of zeros where a band
+        has fewer: R axes axes^T R^T is its covariance.
     n_modes
         Of each band.
     n_exact
@@ -80,8 +82,12 @@ class SmoothForeground:
         """
         totals = []
         for axes, n in zip(self.axes, self.n_modes, strict=True):
-            total = axes @ axes.T + np.eye(len(axes))
-            totals.append(np.atleast_2d(wishart(n, total / n).rvs(random_state=rng)))
+            one = np.eye(len(axes))
+            # Lower triangular with a positive diagonal, root root^T = axes axes^T + 1, whatever their ratio.
+            root = np.linalg.qr(np.vstack([axes.T, one]), mode="r").T
+            root *= np.sign(np.diag(root))
+            drawn = np.atleast_2d(wishart(n, one / n).rvs(random_state=rng))
+            totals.append(root @ drawn @ root.T)
         mean = replace(self, axes=_axes(totals, self.n_modes, self.n_exact)).mean(data)
         return _with_scatter(mean, rng)
 
@@ -114,7 +120,7 @@ def _lmax(data):
 def _seen(data):
     """Smooth functions through the beams, (n_l, n_channels, n_smooth)."""
     windows = (data.beams / data.beams.max(axis=0)).T[: _lmax(data) + 1, :, None]
-    return windows * smooth_basis(data.freqs, _N_SMOOTH)
+    return windows * smooth_basis(data.freqs, N_SMOOTH)
 
 
 def foreground_given(data, products):
@@ -133,8 +139,8 @@ def foreground_given(data, products):
         Too few channels, or too narrow a band, for the smooth functions.
     """
     freqs = data.freqs
-    wanted = f"error bars need the foreground as {_N_SMOOTH} smooth functions of frequency"
-    if len(freqs) <= _N_SMOOTH:
+    wanted = f"error bars need the foreground as {N_SMOOTH} smooth functions of frequency"
+    if len(freqs) <= N_SMOOTH:
         raise InputError(f"{wanted}, so more channels than these, got {len(freqs)}: take more channels.")
     edges, seen, modes = multipole_bands(_lmax(data)), _seen(data), data.modes
     products = [_scaled(modes, *one, seen) for one in zip(edges, products, strict=True)]

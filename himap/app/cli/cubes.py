@@ -208,10 +208,10 @@ def _cleaned(asked):
         if not measured.drawn:
             _tell(
                 asked,
-                f"The mocks have the foreground that {remover.name} estimated, so that a foreground residual "
-                "is not known; it is with the beam of a whole sphere without gaps.",
+                f"The mocks have the foreground that {remover.name} estimated, and foreground residual is "
+                "not known: it is for a whole sphere without gaps, with --beam and more than six channels.",
             )
-        in_parts = by_brightness(cleaned, measured)
+        in_parts = by_brightness(cleaned, measured, corrected)
         more = [*texts.corrected_parts(corrected), brightness_table(in_parts)]
         click.echo(texts.corrected_table(corrected))
         click.echo(brightness_table(in_parts))
