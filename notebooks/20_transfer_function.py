@@ -73,7 +73,6 @@ results: list | None = None  # what `himap measure transfer` wrote; null: that o
 larger: list | None = None  # the same at higher resolution
 
 # %%
-import itertools
 import warnings
 
 import numpy as np
@@ -315,10 +314,10 @@ quote(
 # %% tags=["hide-input"]
 
 
-def stored(paths, *sizes):
-    """The records in some files, or those of the book of some sizes."""
-    files = (sorted(RESULTS.glob(f"transfer_{size}_*.json")) for size in sizes)
-    return [Record.load(EXPERIMENT, path) for path in paths or itertools.chain(*files)]
+def stored(paths, size):
+    """The records in some files, or those of the book."""
+    paths = paths or sorted(RESULTS.glob(f"transfer_{size}_*.json"))
+    return [Record.load(EXPERIMENT, path) for path in paths]
 
 
 def shown(records):
@@ -354,13 +353,12 @@ summarised(records)
 # (transfer-larger)=
 # ## At higher resolution
 #
-# The same at `quick`, and on {glue:text}`transfer_laptop_skies` skies at `laptop`, with the real Galaxy alone.
-# The bands of a sky are not independent.
+# The same at `quick`. The bands of a sky are not independent.
 
 # %% tags=["hide-input"]
-finer = stored(larger, "quick", "laptop")
+finer = stored(larger, "quick")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "Means over skies at quick and laptop of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Grey lines: 1 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "Means over skies at quick of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Grey lines: 1 %."}}
 shown(finer)
 
 # %% tags=["hide-input"]
@@ -406,22 +404,17 @@ for record in [*records, *finer]:
             **dict(zip(heads, cells, strict=True)),
             "wider by": (growth, 0.1),
         }
-skies = {}
-for one in finer:
-    skies[one.made.preset] = min(len(one.seeds), skies.get(one.made.preset, len(one.seeds)))
 quote(
     transfer_skies=min(len(one.seeds) for one in records),
     transfer_mocks=dict(records[0].made.overrides)["n_mocks"],
-    transfer_larger_skies=skies.get("quick", 0),
-    transfer_laptop_skies=skies.get("laptop", 0),
+    transfer_larger_skies=min(len(one.seeds) for one in finer),
 )
 
 # %% [markdown]
 # ## Summary
 #
 # Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky; {glue:text}`transfer_skies`
-# skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy, and
-# {glue:text}`transfer_laptop_skies` at `laptop` with the real one. *Before* and *after* are
+# skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy. *Before* and *after* are
 # the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$;
 # below they are larger (tables above).
 # Coverage is of all bands; the squared pull is the median of bands. *With systematic* the error bar has, in
