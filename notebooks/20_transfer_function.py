@@ -36,9 +36,9 @@
 # ```
 #
 # $T$ is the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the power of the residual
-# beyond $T\, \langle |m|^2 \rangle$, and $\hat P$ the corrected spectrum. The error bar is the scatter of $\hat P$
-# over members that are corrected by each other, times Student's factor for their number. The paper has no
-# such correction.
+# beyond $T\, \langle |m|^2 \rangle$, and $\hat P$ the corrected spectrum. The truth $m$ is HI and noise, through
+# the beam. The error bar is the root mean square of $\hat P / |m|^2 - 1$ of the members, each corrected by the
+# others, times Student's factor for their number. The paper has no such correction.
 #
 # **Which foreground?** A method with few sources leaves in the residual whatever they do not hold, and takes
 # some HI into the faintest of them. Its own $\hat f$ has no residual, and a correction by it no knowledge of
@@ -47,8 +47,8 @@
 # estimated from several. Each member has its own $\hat f$: first a covariance is drawn, as it would be
 # estimated from other skies like this one, then a foreground from its posterior given the data
 # ({cite:t}`wandelt2004`). The mean of that, a Wiener filter, has less power than the foreground, above all
-# where that is no brighter than HI. If the method is a projection, $b$ is then its *foreground residual*; else
-# it may be negative.
+# where that is no brighter than HI. $b$ has the foreground residual and its cross power with what the method
+# leaves of the mock, so that it may be negative.
 # `himap transfer` and `himap clean --mocks` do the same for a whole sphere. Without `--beam`, for methods that
 # need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and a residual that it
 # leaves is not known. A check that needs no $\hat f$ is always made: whether the corrected power is
@@ -142,10 +142,9 @@ panels = [
 ]
 
 # %% [markdown]
-# $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground,
-# and decreases with the number of components.
+# $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Recovered share of the power of mocks by multipole (left, in bins) and wavenumber (right)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Cross power of residual and mock over the power of the mock, by multipole (left, in bins) and wavenumber (right)."}}
 study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
@@ -181,7 +180,8 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
     curves += [(before, compared(remover)), (after, compared(remover, correct=True))]
 
 # %% [markdown]
-# The corrected spectra (solid) scatter about the truth; the uncorrected ones (dotted) are below it.
+# The corrected spectra (solid) scatter about the truth; the uncorrected ones (dotted) are mostly below
+# it.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, uncorrected (dotted) and corrected (solid), and ratios to the truth. Grey band: 10 %."}}
 titles = {"frequency": "along the line of sight", "angular": "across the sky"}
@@ -238,7 +238,8 @@ study.stamped(
 #
 # The HI of the data may differ from that of the mocks. The figure has $T$ of the first mock with a bias of HI
 # that is higher by 30 %, with twice and half the HI, and as Gaussian fields with the same power spectra, over
-# $T$ of the original. A line at 1 is a change that does not matter.
+# $T$ of the original, from one mock each. A line at 1 is a change that does not matter. How HI is correlated
+# along frequency is not varied; it matters more (see the end of the summary).
 
 # %% tags=["hide-input"]
 variants = {
@@ -308,8 +309,10 @@ quote(
 # In the table, *scatter* is the standard deviation of the corrected ratio over skies, *error bar* the mean of
 # the expected ones, and *foreground* the mean of the foreground residual that was subtracted. *Within 1σ*
 # counts the skies on which the truth is within the error bar, with the binomial 95 % interval of that share;
-# *χ²* is the mean squared pull, which should be 1. In the figures, filled symbols should be within a bar of
-# 1.
+# *χ²* is the mean squared pull, which is about 1.1 for error bars from 12 Gaussian mocks. Bands of one sky are
+# not independent, so that intervals of several bands together are somewhat too narrow. All of this is the
+# coverage if HI and beam are those of the mocks; there is one real Galaxy. In the figures, bars are standard
+# errors of the means.
 
 # %% tags=["hide-input"]
 
@@ -343,7 +346,7 @@ def summarised(records):
 
 records = stored(results, "ci")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Deviations above 20 % are not drawn. Grey lines: 1 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-record", "caption": "Means over skies of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard errors of the means). Deviations above 20 % are not drawn. Grey lines: 1 %."}}
 shown(records)
 
 # %% tags=["hide-input"]
@@ -353,12 +356,12 @@ summarised(records)
 # (transfer-larger)=
 # ## At higher resolution
 #
-# The same at `quick`. The bands of a sky are not independent.
+# The same at `quick`.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "quick")
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "Means over skies at quick of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard deviation of a single sky). Grey lines: 1 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-larger", "caption": "Means over skies at quick of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard errors of the means). Deviations above 20 % are not drawn. Grey lines: 1 %."}}
 shown(finer)
 
 # %% tags=["hide-input"]
@@ -433,12 +436,12 @@ show_table(rows, columns=4)
 # - **So the correction is a systematic error too.** As that is assumed and not measured, the whole of what was
 #   subtracted is quoted, and added in quadrature. That is too cautious where much was subtracted, as for
 #   BeamSubspace on the real Galaxy.
-# - **The error bars of SmoothSpectra at `quick` are too small.** Which spectra it subtracts differs more
-#   between skies than between members of one sky.
+# - **The error bars of SmoothSpectra at `quick` are too small**, and its means at low $\ell$ and $k_\nu$ are too
+#   high. Its power there differs more between skies than between members of one sky.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) is
 #   in the unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
 #   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
-#   bands than mocks.
+#   bands than mocks, and the inverse is biased high ({cite:t}`hartlap2007`).
 # - **What is lost entirely comes from the mocks alone.** Where the transfer function is far from one, data whose
 #   HI is smoother in frequency than that of the mocks have lost more than the mocks say, and what they have
 #   more than the mocks in smooth spectra is subtracted as foreground. No error bar here knows it, but the

@@ -51,14 +51,14 @@ def _transfer_panel(table):
         at = np.arange(len(bands)) + (n - (len(methods) - 1) / 2) * _BAND_GAP
         by_band = rows.groupby("band")
         before, after = (by_band[one].mean().reindex(bands) for one in ("uncorrected", "corrected"))
-        scatter = by_band["corrected"].std().fillna(0).reindex(bands)
+        error = by_band["corrected"].sem().fillna(0).reindex(bands)
         colour = styles.METHOD_STYLES.get(name, {"color": "0.35"})["color"]
         look, label = {"color": colour, "marker": marker}, styles.numbered(name, n_sources)
         hollow = look | {"fillstyle": "none", "label": f"_{label}, uncorrected"}
         points += [(at, before.to_numpy(), hollow), (at, after.to_numpy(), look | {"label": label})]
-        bar = {"color": colour, "label": f"_{label}, one standard deviation"}
+        bar = {"color": colour, "label": f"_{label}, standard error"}
         curves += [
-            ([x, x], list(pair), bar) for x, *pair in zip(at, after - scatter, after + scatter, strict=True)
+            ([x, x], list(pair), bar) for x, *pair in zip(at, after - error, after + error, strict=True)
         ]
     return {
         "curves": curves,
