@@ -309,10 +309,10 @@ quote(
 # In the table, *scatter* is the standard deviation of the corrected ratio over skies, *error bar* the mean of
 # the expected ones, and *foreground* the mean of the foreground residual that was subtracted. *Within 1σ*
 # counts the skies on which the truth is within the error bar, with the binomial 95 % interval of that share;
-# *χ²* is the mean squared pull, which is about 1.1 for error bars from 12 Gaussian mocks. Bands of one sky are
-# not independent, so that intervals of several bands together are somewhat too narrow. All of this is the
-# coverage if HI and beam are those of the mocks; there is one real Galaxy. In the figures, bars are standard
-# errors of the means.
+# *χ²* is the mean squared pull, which should be 1, and a little more with error bars from few mocks. Bands of
+# one sky are not independent, so that intervals of several bands together are somewhat too narrow. All of
+# this is the coverage if HI and beam are those of the mocks; there is one real Galaxy. In the figures, bars
+# are standard errors of the means.
 
 # %% tags=["hide-input"]
 
