@@ -107,6 +107,39 @@ def test_what_uses_a_product_with_other_numbers_is_renewed_with_it(lab):
     assert not any(differing for _, differing in verify.compared(after.CALLS, after.CALLS).values())
 
 
+CURVE = """
+@dataclass
+class Curve:
+    values: object
+
+    def squares(self):
+        return power(self.values)
+"""
+
+
+def test_a_method_of_what_a_product_returns_is_called_where_it_is_used(lab):
+    """The numbers of the product itself are the same."""
+    curve = [
+        ("import product\n", "import product\nfrom dataclasses import dataclass\n" + CURVE),
+        ("return power(np.arange(200.0) * n)", "return Curve(np.arange(200.0) * n)"),
+        ("return base(n) + 1", "return base(n).squares() + 1"),
+    ]
+    before, equal, other = lab(*curve), lab(*curve, EQUAL), lab(*curve, OTHER)
+    said_by(before)
+    stored = fingerprint(before)
+    before.above(2)
+    assert said_by(equal) == ([], ["base: the stored numbers"])
+    assert equal.above.is_cached(2)
+    others, said = said_by(other)
+    assert (
+        others == ["base"] and said[0] == "base: the stored numbers" and said[1].startswith("above: [0] by")
+    )
+    assert "base" in moved(stored, fingerprint(other)) and not other.above.is_cached(2)
+    said_by(other, renew=True)
+    assert said_by(other) == ([], ["no product, method or beam changed"])
+    assert "base" in moved(stored, fingerprint(other))
+
+
 def test_code_that_runs_on_import_and_was_not_there_is_accepted(lab):
     """Such as that of a new module: it has no former digest of its own."""
     before = lab()

@@ -139,6 +139,11 @@ class CodeTree:
             for name, part in parts.items()
         }
 
+    def used_by(self, module):
+        """{fixed name: those that its own code names} of every product and named class of a module."""
+        parts = self._parts((_CELLS, (f"import {module}",)))
+        return {self._fixed_name(one): {*map(self._fixed_name, self._summary(one).parts)} for one in parts}
+
     def _at(self, unit):
         return self._fixed_name(unit) or f"{unit[0]}:{unit[1]}"
 

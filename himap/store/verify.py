@@ -4,7 +4,8 @@
 gave, and the digests of all definitions behind them. Where calls agree, definitions that have another digest
 now count as the former ones (``accepted.json``, `himap.store.fingerprint`), wherever they are used: but for
 those that something uses whose calls differ. So does all behind a product whose calls agree, which may be in
-other modules now.
+other modules now. Where calls agree, those of what uses the product must agree too: what a product returns
+may have methods, and these are called elsewhere.
 """
 
 import json
@@ -73,6 +74,12 @@ def verify(calls, *, further=None, rtols=None, renew=False, report=print):
         if renew or name not in probes["calls"]:
             probes["calls"][name] = {"gives": given}
         report(f"{name}: {said}{', stored' if differing and renew else ''}")
+    used, agreeing = tree.used_by(module.__name__), {*names} - {*others}
+    users = [name for name in calls if name not in names and used.get(name, set()) & agreeing]
+    for name, (_, differing) in compared(calls, users, rtols).items():
+        if differing:
+            others += [one for one in names if one in used[name] & agreeing and one not in others]
+            report(f"{name}: {'; '.join(differing[:3])}")
     if renew and others:  # what uses them has other numbers, and the same code
         rest = compared(calls, [name for name in calls if name not in names], rtols)
         for name, (given, differing) in rest.items():
