@@ -292,8 +292,8 @@ quote(
 # (readings-shares)=
 # ### Which claims hold at that size
 #
-# The share of skies and starts in which the main parts of a claim hold (their mean), for the default and the
-# readings with a name. Claims on other methods are the same for all.
+# The share of skies in which the main parts of a claim hold (their mean, per cent), for the default and the
+# readings with a name. Claims on other methods alone are the same for all.
 
 # %% tags=["hide-input"]
 at_that_size = outcomes_of(rows)

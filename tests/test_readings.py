@@ -217,7 +217,7 @@ class TestDefault:
         assert table["which"][1] == "none" and table["first"][2] == "0 %"
         shares = shares_table(outcomes(rows)).set_index("claim")
         claim = empty["quantity"]
-        assert shares.loc[claim, [*held]].tolist() == ["100%", "67%", "0%"]
+        assert shares.loc[claim, [*held]].tolist() == ["100", "67", "0"]
         assert (shares.drop(index=claim)[[*held]] == "–").to_numpy().all()
 
     def test_a_record_of_restarts_is_judged_by_what_it_has_of_the_oscillating_beam(self):

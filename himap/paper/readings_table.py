@@ -56,15 +56,15 @@ def summary_table(outcomes):
 def shares_table(outcomes):
     """A DataFrame of texts with a row for each claim and a column for each of {label: `Outcome`}.
 
-    In it is the share of the members in which a main part holds, the mean over parts; a dash where the claim
-    does not apply.
+    In it is the share of the members in which a main part holds, the mean over parts, in per cent; a dash
+    where the claim does not apply.
     """
     rows = []
     for name, claim in CLAIMS.items():
         row = {"claim": name, "statement": claim.statement}
         for label, one in outcomes.items():
             share = one.entries[name].main_shares["mean"].mean() if name in one.entries else math.nan
-            row[label] = "–" if math.isnan(share) else f"{share:.0%}"
+            row[label] = "–" if math.isnan(share) else f"{100 * share:.0f}"
         rows.append(row)
     return pd.DataFrame(rows)
 
