@@ -49,7 +49,7 @@
 # ({cite:t}`wandelt2004`). The mean of that, a Wiener filter, has less power than the foreground, above all
 # where that is no brighter than HI. $b$ has the foreground residual and its cross power with what the method
 # leaves of the mock, so that it may be negative.
-# `himap transfer` and `himap clean --mocks` do the same for a whole sphere. Without `--beam`, for methods that
+# `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam`, for methods that
 # need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and a residual that it
 # leaves is not known. A check that needs no $\hat f$ is always made: whether the corrected power is
 # that of the residual in parts of the sky, extrapolated to no foreground.

@@ -206,6 +206,29 @@ class TestMeasured:
             for one in found.values():
                 assert one.ratios[0] < 0.1 < 3 < one.ratios[-1] and one.without < 0.5
 
+    def test_residual_in_parts_is_compared_with_mocks_and_with_the_corrected_power(self, cleaned, rng):
+        """Twice the power of mocks in a part halves its ratio; half of foreground doubles all of them."""
+        transfer = measure_transfer(cleaned, [blue(rng), blue(rng)])
+        both = correct(cleaned, transfer, spectra_of(cleaned))
+        one = both["frequency"]
+        none, half = (
+            both | {"frequency": replace(one, systematic=x * one.residual / one.share)} for x in (0, 0.5)
+        )
+        factors = np.array([1, 1, 1, 1, 2])
+        uneven = replace(transfer, powers=transfer.powers * factors[:, None])
+        pairs = zip(
+            *(
+                by_brightness(cleaned, *pair).values()
+                for pair in ((transfer, none), (transfer, half), (uneven, none))
+            ),
+            strict=True,
+        )
+        for usual, doubled, fainter in pairs:
+            assert usual.ratios.mean() == pytest.approx(1, abs=0.02)
+            assert doubled.ratios == pytest.approx(2 * usual.ratios)
+            assert np.ptp(fainter.ratios * factors / usual.ratios) < 1e-6
+            assert doubled.error > 0.5 > usual.error
+
     def test_power_without_foreground_is_that_of_a_line(self, cleaned):
         """Whose slope does not matter, from parts with as many pixels, the faintest first."""
         parts = Parts.of(cleaned)

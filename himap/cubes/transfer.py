@@ -162,7 +162,8 @@ def _analysed(cube, parts, mocks):
                 f"{mock.shape}."
             )
         if cube.missing is not None:
-            seen = np.where(cube.missing, 0, mock - means_of(mock, cube.weights)[:, None]).astype(mock.dtype)
+            means = means_of(mock, cube.weights)[:, None].astype(mock.dtype)
+            seen = np.where(cube.missing, np.zeros((), mock.dtype), mock - means)
         yield alms_of(cube, seen), mock, parts.powers(seen, cube.channel_width)
 
 

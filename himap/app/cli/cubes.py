@@ -209,7 +209,7 @@ def _cleaned(asked):
             _tell(
                 asked,
                 f"The mocks have the foreground that {remover.name} estimated, and foreground residual is "
-                "not known: it is for a whole sphere without gaps, with --beam and more than six channels.",
+                "not known: it is for a full sphere without gaps, with --beam and more than six channels.",
             )
         in_parts = by_brightness(cleaned, measured, corrected)
         more = [*texts.corrected_parts(corrected), brightness_table(in_parts)]
