@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.cubes.corrected import plain_band
+from himap.cubes.corrected import in_bands
 from himap.figures.tables import Table
 from himap.maps.low_rank import blocks
 from himap.measures.bootstrap import LEVEL, chance_of, sigma
-from himap.measures.diagnostics import bands
 from himap.measures.spectra import frequency_power
 
 N_PARTS = 5
@@ -81,9 +80,11 @@ class Band:
 
 def by_brightness(cleaned, transfer, corrected):
     """{band of k: `Band`} of a `CleanedCube`, its `CubeTransfer`, and what `correct` makes of it."""
-    parts, one, n_mocks = transfer.parts, corrected["frequency"], len(transfer.mocks)
+    parts, n_mocks = transfer.parts, len(transfer.mocks)
     own, power = parts.powers(cleaned.residual, cleaned.cube.channel_width)[:, 1:], {}
-    for name, (_, inside) in bands(np.empty(0), one.x).items():
+    for name, (one, inside) in in_bands(corrected).items():
+        if one is not corrected["frequency"]:
+            continue
         mocks, residual = transfer.powers[..., 1:][..., inside].mean(axis=-1), own[:, inside].mean(axis=-1)
         foreground, total = (np.mean(each[inside]) for each in (one.foreground, one.residual))
         ratios = _shape(residual) / _shape(mocks.mean(axis=0)) * total / (total - foreground)
@@ -93,7 +94,7 @@ def by_brightness(cleaned, transfer, corrected):
             errors = [float(sigma(parts.without(_shape(mocks) / _shape(others)) - 1)), *one.errors_in(inside)]
         error = float(np.linalg.norm(errors))
         chance = float(chance_of(abs(without - 1) / error, n_mocks)) if n_mocks > 1 else np.nan
-        power[plain_band(name)] = Band(ratios=ratios, without=without, error=error, chance=chance)
+        power[name] = Band(ratios=ratios, without=without, error=error, chance=chance)
     return power
 
 

@@ -19,14 +19,19 @@ _MOST = 0.5  # of the power of the residual
 _LOST = 0.01  # of the power: where less is lost, mocks unlike the data do no harm
 
 
+def in_bands(corrected):
+    """{band: (`Corrected`, which of its values lie in it)} of both spectra that `correct` gives."""
+    reached = bands(corrected["angular"].x, corrected["frequency"].x)
+    return {plain_band(name): (corrected[kind], inside) for name, (kind, inside) in reached.items()}
+
+
 def remarks_on(corrected):
     """What the user should know of what `correct` gives, a list of sentences."""
     remarks, ratios = [], _contradictions(corrected)
-    places = bands(corrected["angular"].x, corrected["frequency"].x)
     if most := [
-        plain_band(name)
-        for name, (kind, inside) in places.items()
-        if np.sum(corrected[kind].foreground[inside]) > _MOST * np.sum(corrected[kind].residual[inside])
+        name
+        for name, (one, inside) in in_bands(corrected).items()
+        if np.sum(one.foreground[inside]) > _MOST * np.sum(one.residual[inside])
     ]:
         remarks.append(
             f"Most of the residual is foreground in {', '.join(most)}: remove more of it (`himap suggest` "
@@ -54,15 +59,15 @@ def _contradictions(corrected):
 
     Where little is lost, only where it is more.
     """
-    places, ratios = bands(corrected["angular"].x, corrected["frequency"].x), {}
-    for name, (kind, inside) in places.items():
-        one, n_mocks = corrected[kind], len(corrected[kind].sample)
+    places, ratios = in_bands(corrected), {}
+    for name, (one, inside) in places.items():
+        n_mocks = len(one.sample)
         mean, bar, systematic, sample = _with_errors(one, inside)
         expected = one.expected[inside].mean() / mean
         sigma = np.linalg.norm([bar, systematic, sample * expected * np.sqrt(1 + 1 / n_mocks)])
         chance = len(places) * chance_of(abs(1 - expected) / sigma, n_mocks)
         if chance < LEVEL and (expected < 1 or one.share[inside].mean() < 1 - _LOST):
-            ratios[plain_band(name)] = 1 / expected
+            ratios[name] = 1 / expected
     return ratios
 
 
@@ -74,10 +79,9 @@ def corrected_table(corrected):
     """
     knows = corrected["angular"].knows_truth
     rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
-    for name, (kind, inside) in bands(corrected["angular"].x, corrected["frequency"].x).items():
-        one = corrected[kind]
+    for name, (one, inside) in in_bands(corrected).items():
         mean, bar, systematic, sample = _with_errors(one, inside)
-        row = [plain_band(name), f"{one.share[inside].mean():.4f}"]
+        row = [name, f"{one.share[inside].mean():.4f}"]
         row += [f"{mean / one.residual[inside].mean():.4f}"]
         row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
         row += [f"{systematic:.2%}", f"{sample:.2%}"]
@@ -92,8 +96,7 @@ def corrected_table(corrected):
 def correlation_table(corrected):
     """A `Table` of the correlations of the errors of the bands of `corrected_table`; see `covariance`."""
     columns = {
-        plain_band(name): corrected[kind].errors @ (inside / inside.sum())
-        for name, (kind, inside) in bands(corrected["angular"].x, corrected["frequency"].x).items()
+        name: one.errors @ (inside / inside.sum()) for name, (one, inside) in in_bands(corrected).items()
     }
     matrix = covariance(np.transpose(list(columns.values())))
     bars = np.sqrt(np.diag(matrix))
