@@ -186,7 +186,7 @@ def ledger_of(verdict, *, overrides=()):
 def test_ledgers_stand_side_by_side():
     columns = [ledger_of(FAILED), ledger_of(REPRODUCED, overrides=[("reading", "letter")])]
     ((head, *rows, last),) = tables(ledgers_table(columns))
-    assert head[3:] == ["ci, 1 sky", "ci, letter, 1 sky"]
+    assert head[3:] == ["ci, 1 sky, one run", "ci, letter, 1 sky, one run"]
     smoothed = ledger_of(REPRODUCED, overrides=[("r_smooth", 2.0), ("box_cells", 64)])
     assert "ci, HI box of 64³ cells, HI smoothed by 2 Mpc/h, 1 sky" in ledgers_table([columns[0], smoothed])
     named = ledgers_table([ledger_of(FAILED, overrides=[("reading", "default")])])
@@ -216,7 +216,7 @@ def test_what_ledgers_have_in_common_is_said_once():
     (entries, about), other = ledger_of(FAILED), ledger_of(FAILED, overrides=[("reading", "letter")])
     *_, shared, first, second = ledgers_table([(entries, about), other]).split("\n\n")
     assert shared.startswith("*All: ci · synthetic Galaxy · seed ") and "ci ·" not in first + second
-    assert second.startswith("*ci, letter, 1 sky: reading = letter")
+    assert second.startswith("*ci, letter, 1 sky, one run: reading = letter")
     alone = ledgers_table([(entries, about)]).split("\n\n")
     assert len(alone) == 2 and alone[1].startswith("*ci, 1 sky: ci · synthetic Galaxy · ")
     real = about | {"preset": "laptop", "galaxy": "templates (nside 64)"}

@@ -1,5 +1,7 @@
 """Causes of verdicts from stored records, on records made up for it."""
 
+from itertools import product
+
 import pytest
 from ledgers import ABOUT, entry, finding
 
@@ -13,11 +15,11 @@ from himap.paper.record import Record
 MADE = ABOUT | {"preset": "laptop", "overrides": [["reading", "letter"]]}
 
 
-def write(folder, name, verdicts, **changed):
+def write(folder, name, verdicts, n_restarts=2, **changed):
     """A record of D1: of claims from a verdict, of readings from {reading: verdict}."""
     experiment, rows = find_experiment(name.partition("_")[0]), []
-    for reading, verdict in verdicts.items():
-        for row in finding_rows({"D1": finding(verdict)}, 0):
+    for restart, (reading, verdict) in product(range(n_restarts), verdicts.items()):
+        for row in finding_rows({"D1": finding(verdict)}, restart):
             empty = dict.fromkeys(experiment.columns)
             own = {"reading": reading, "quantity": "D1"} if "reading" in empty else {}
             rows.append({"seed": 1} | empty | {k: v for k, v in row.items() if k in empty} | own)
@@ -33,7 +35,7 @@ def write(folder, name, verdicts, **changed):
             "claims_a",
             {"": REPRODUCED},
             {"overrides": [["method", "beam_subspace"]]},
-            "BeamSubspace in its place",
+            "none found",
         ),
         ("claims_a", {"": REPRODUCED}, {"preset": "paper"}, "the paper's size"),
         (
@@ -43,6 +45,7 @@ def write(folder, name, verdicts, **changed):
             "reading default, the paper's size",
         ),
         ("claims_a", {"": FAILED}, {"preset": "paper"}, "none found"),
+        ("claims_a", {"": REPRODUCED}, {"preset": "paper", "n_restarts": 1}, "none found"),  # a draw
         ("claims_a", {"": REPRODUCED}, {}, "none found"),  # the ledger itself
         ("readings", {"letter": FAILED, "code": REPRODUCED}, {"preset": "ci"}, "reading code, ci"),
         ("readings", {"letter": REPRODUCED, "code": REPRODUCED}, {"preset": "ci"}, "ci"),

@@ -62,23 +62,21 @@ def test_table_says_what_the_entries_say():
 
 
 def test_the_cause_of_a_verdict_is_measured():
-    """What else there is under which the claim holds; of a claim in part, under which it is reproduced."""
+    """Where else the parts hold that do not, but for single runs of SDecGMCA."""
 
-    def others(verdict):
-        return {"reading code": {"D1": entry(verdict)}}
+    def others(*verdicts):
+        return {"reading code": {"D1": entry(*verdicts)}}
 
-    assert cause(entry(REPRODUCED), others(REPRODUCED)) == ""
-    assert cause(entry(FAILED), others(REPRODUCED)) == cause(entry(FAILED), others(IN_PART)) == "reading code"
-    assert (
-        cause(entry(FAILED), others(FAILED))
-        == cause(entry(FAILED, id="D2"), others(REPRODUCED))
-        == "none found"
-    )
-    assert cause(entry(IN_PART), others(IN_PART)) == "none found"
-    assert cause(entry(IN_PART), others(REPRODUCED)) == "reading code"
-    failing = judged([(NOT_PCA, SD)])  # no part about SDecGMCA fails
-    assert cause(failing, others(FAILED)) == "PCA/ICA, not SD"
-    assert ">reading code</td>" in LedgerTable([entry(FAILED)], others=others(REPRODUCED))._repr_html_()
+    twice = others(REPRODUCED, REPRODUCED)
+    assert cause(entry(REPRODUCED), twice) == ""
+    assert cause(entry(FAILED), twice) == cause(entry(IN_PART), twice) == "reading code"
+    for without in (others(FAILED, FAILED), others(IN_PART, IN_PART), others(REPRODUCED)):
+        assert cause(entry(FAILED), without) == cause(entry(IN_PART), without) == "none found"
+    assert cause(entry(FAILED, id="D2"), twice) == "none found"
+    failing = judged([(NOT_PCA, SD)])  # no part about SDecGMCA fails, so that no reading of it is why
+    assert cause(failing, twice) == "PCA/ICA, not SD"
+    assert cause(failing, {"ci": {"D1": entry(IN_PART)}}) == "PCA/ICA, not SD; ci"  # and one run will do
+    assert ">reading code</td>" in LedgerTable([entry(FAILED)], others=twice)._repr_html_()
 
 
 def test_places_of_a_minimum_have_their_share():

@@ -215,9 +215,10 @@ def named_figures(caption):
     return re.findall(_REMARK, caption)
 
 
-def plain_caption(caption):
-    """The first sentence of a caption, without the remark which figure of the paper it is."""
-    return re.sub(rf" \({_REMARK}[^)]*\)", "", caption).partition(". ")[0].rstrip(".")
+def plain_caption(caption, *, whole=False):
+    """The first sentence of a caption, or all that have no role, less which figure of the paper it is."""
+    sentences = re.sub(rf" \({_REMARK}[^)]*\)", "", caption).rstrip(".").split(". ")
+    return ". ".join(one for one in sentences if "{" not in one) if whole else sentences[0]
 
 
 def figure_order(number):

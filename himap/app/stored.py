@@ -20,6 +20,7 @@ from himap.core.survey import PRESETS
 from himap.figures import styles
 from himap.paper.claims.entries import entries
 from himap.paper.experiments import EXPERIMENTS, find_experiment
+from himap.paper.ledger_table import READING
 from himap.paper.readings import outcomes
 from himap.paper.record import Record, measuring_code
 from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree, moved
@@ -90,8 +91,9 @@ def read_ledger(path=LEDGER):
 def other_records(about, folder=RESULTS):
     """{what differs from a ledger: {claim: `Entry`}} of the stored records, for `ledger_table.cause`.
 
-    In a record of several readings a claim that holds under that of the ledger, or under all of them, is due
-    to the size or the Galaxy, not to a reading.
+    Records of another method in the place of SDecGMCA are not among them. In a record of several readings a
+    claim that holds under that of the ledger, or under all of them, is due to the size or the Galaxy, not to
+    a reading.
 
     Parameters
     ----------
@@ -113,13 +115,13 @@ def other_records(about, folder=RESULTS):
 def _judgements(record, made):
     """(what differs from `made`, {claim: `Entry`}) of each reading in a record, without what is the same."""
     usual, words, changed = record_words(made), record_words(record.made), dict(record.made.overrides)
-    replaced = f"{words['method']} in its place" if words["method"] else ""
+    if words["method"] != usual["method"]:  # another method is not why SDecGMCA does something
+        return
     skies = "size", "galaxy", "box", "smoothing"
-    differing = [words[name] for name in skies if words[name] != usual[name]]
-    words = ", ".join(filter(None, [replaced, *differing]))
+    words = ", ".join(words[name] for name in skies if words[name] not in ("", usual[name]))
     reading = dict(made.overrides).get("reading", "default")
     if record.experiment.name == "claims":
-        label = reading if "method" in changed else changed.get("reading", "default")
+        label = changed.get("reading", "default")
         several = {label: {entry.claim.id: entry for entry in entries(record.rows)}}
     else:
         several = {label: one.entries for label, one in outcomes(record.rows).items()}
@@ -129,7 +131,7 @@ def _judgements(record, made):
     for label, by_id in several.items():
         other = {id: entry for id, entry in by_id.items() if id not in shared}
         if label != reading:
-            yield ", ".join(filter(None, (f"reading {label}", words))), other
+            yield ", ".join(filter(None, (f"{READING}{label}", words))), other
     if words and judging:
         yield words, several.get(reading) or {id: judging[0][id] for id in shared}
 

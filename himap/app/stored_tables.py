@@ -159,14 +159,15 @@ def _ledger_names(ledgers):
 def _cell(entry):
     """Sign and number of an entry, and the main parts that do not hold, or not in enough members.
 
-    In words where sign and number would both be a dash.
+    In words where sign and number would both be a dash. That it is a single run is said where it can differ.
     """
     number = measured(entry)
     if entry.verdict == INAPPLICABLE and number == BADGES[INAPPLICABLE][0]:
         number = entry.verdict
     failing = entry.main_shares[~entry.main_shares["holds"].eq(True)]
     more = f"; and {len(failing) - _PARTS} more" if len(failing) > _PARTS else ""
-    sign = f"{BADGES[entry.verdict][0]}{entry.label.removeprefix(entry.verdict)}"
+    once = "one run, " if entry.is_single_run else ""
+    sign = f"{once}{BADGES[entry.verdict][0]}{entry.label.removeprefix(entry.verdict)}"
     parts = f"<br>holds in: {shares_text(failing[:_PARTS])}{more}" if len(failing) else ""
     return f"{sign} {number}{parts}"
 
@@ -190,7 +191,7 @@ def pictures(folders, results=None):
     for (_, name), several in sorted(stored.items()):
         chapter, caption = chapters[name]
         link = f"[{chapter.name}]({chapter.name}.ipynb)"
-        parts.append(f"**Fig. {several[0][1]['paper']}.** {plain_caption(caption)} ({link}).")
+        parts.append(f"**Fig. {several[0][1]['paper']}.** {plain_caption(caption, whole=True)} ({link}).")
         parts += [part for folder, row in several for part in _picture(folder, row, results)]
     return "\n\n".join(parts)
 
@@ -199,7 +200,8 @@ def picture(folder, name, results=None):
     """One stored figure as Markdown: its picture by the relative path, its caption, and its provenance."""
     row = stored_figure(folder, name, results)
     shown, made = _picture(folder, row, results)
-    captions = [f": {plain_caption(one.captions[name])}" for one in notebooks() if name in one.captions]
+    captions = [one.captions[name] for one in notebooks() if name in one.captions]
+    captions = [f": {plain_caption(caption, whole=True)}" for caption in captions]
     return f"{shown}\n\n*The paper's Fig. {row['paper']}, made again{''.join(captions)}.*\n\n{made}"
 
 

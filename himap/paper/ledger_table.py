@@ -32,6 +32,9 @@ CONCLUSIONS = {
 }
 """The conclusions of the paper (its Sect. 6), {ids of the claims that hold its numbers: what it says}."""
 
+READING = "reading "
+"""The first word on what differs, if it is the reading of SDecGMCA."""
+
 _WORDS = ("id", "beam", "statement", "number", "paper", "reading")  # of a claim, in its row
 
 
@@ -70,29 +73,35 @@ def joint_verdict(entries):
 
 
 def cause(entry, others):
-    """What makes a claim hold that is not reproduced, in words: measured, not guessed.
+    """What makes the parts of a claim hold that do not, in words: measured, not guessed.
 
     Parameters
     ----------
     entry
         The `himap.paper.claims.entries.Entry`.
     others
-        {what is different: {claim: its `Entry`}}, such as "reading code".
+        {what is different: {claim: its `Entry`}}, such as "reading code", which begins with `READING`.
 
     Returns
     -------
     str
-        The names of those under which the claim holds, at least in part where it is not; "none found", and
-        nothing of a claim that is reproduced. Where no part about SDecGMCA fails, the methods that do.
+        The names of those in which all these parts hold; "none found", and nothing of a claim that is
+        reproduced. Where no part about SDecGMCA fails, the methods that do come first.
     """
     if entry.verdict == REPRODUCED:
         return ""
-    better = (REPRODUCED,) if entry.verdict == IN_PART else (REPRODUCED, IN_PART)
-    same = {name: several.get(entry.claim.id) for name, several in others.items()}
-    causes = [name for name, other in same.items() if other and other.verdict in better]
-    failing = {share.method for share in entry.main_shares.itertuples() if not share.holds}
-    if failing and not failing & {"SD", ""}:
-        causes.insert(0, f"{', '.join(sorted(failing))}, not SD")
+    failing, causes = entry.main_shares[~entry.main_shares["holds"].eq(True)], []
+    methods = {*failing["method"]}
+    of_sd = entry.about_sd and bool(methods & {"SD", ""})
+    if methods and not methods & {"SD", ""}:
+        causes.append(f"{', '.join(sorted(methods))}, not SD")
+    for name, several in others.items():
+        other = several.get(entry.claim.id)
+        # One run of SDecGMCA is a draw, and a reading of it concerns nothing else.
+        if other is None or (other.is_single_run if of_sd else name.startswith(READING)):
+            continue
+        held = other.main_shares["holds"].eq(True).reindex(failing.index, fill_value=False)
+        causes += [name] if len(held) and held.all() else []
     return "; ".join(causes) or "none found"
 
 
@@ -164,7 +173,8 @@ def shares_text(shares):
 def members_text(entry):
     """How many members an entry has."""
     skies = f"{entry.n_skies} sk{'y' if entry.n_skies == 1 else 'ies'}"
-    return skies if entry.n_restarts == 1 else f"{skies}, {entry.n_restarts} restarts"
+    runs = "one run each" if entry.n_skies > 1 else "one run"
+    return f"{skies}, {runs if entry.n_restarts == 1 else f'{entry.n_restarts} restarts'}"
 
 
 def measured(entry):

@@ -1,5 +1,6 @@
 """Where a figure comes from: the line under it that says how to make it again."""
 
+import math
 import subprocess
 import sys
 import time
@@ -39,7 +40,7 @@ class Provenance:
     commit, dirty
         Short git commit of himap ("unknown" outside a checkout); whether library or notebooks have edits.
     seconds
-        Wall time it took.
+        Wall time it took; NaN where that is not known.
     version, packages
         Version of himap, and (name, version) of the packages in `PACKAGES` that are installed.
     """
@@ -88,8 +89,12 @@ class Provenance:
 
     @classmethod
     def of_stored(cls, about):
-        """The provenance that `asdict` had written with a result, other keys ignored."""
-        return cls(**{item.name: about[item.name] for item in fields(cls)})
+        """The provenance that `asdict` had written with a result, other keys ignored.
+
+        A record that grew in steps took part of its results from a cache: its time is not known, NaN.
+        """
+        known = {item.name: about[item.name] for item in fields(cls)}
+        return cls(**known | ({"seconds": math.nan} if "grown" in about else {}))
 
     def footer(self):
         """One line for under a figure."""
@@ -97,7 +102,8 @@ class Provenance:
         edits = " with edits" if self.dirty else ""
         himap = f"himap {self.version}, commit {self.commit}{edits}"
         origin = [self.preset, *changed, f"{self.galaxy} Galaxy", f"seed {self.seed}"]
-        return " · ".join([*origin, himap, duration(self.seconds)])
+        took = [] if math.isnan(self.seconds) else [duration(self.seconds)]
+        return " · ".join([*origin, himap, *took])
 
     __str__ = footer
 

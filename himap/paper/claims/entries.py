@@ -92,6 +92,11 @@ class Entry:
         return "SD" in ({*self.main_shares["method"]} or self.claim.statement.split())
 
     @property
+    def is_single_run(self):
+        """Whether it is about SDecGMCA, which is chaotic, and has one member: a draw, and no verdict."""
+        return self.about_sd and len(self.members) == 1
+
+    @property
     def values(self):
         """The measured number: median, and the range from 16 to 84 % of the members; NaN if there is none."""
         finite = self.members["value"][np.isfinite(self.members["value"])]
