@@ -51,7 +51,7 @@ def test_a_claim_about_one_method_or_none(shares, expected, method):
         ("GMCA 1, GMCA 0, SD 1, SD 0", FAILED),
         ("GMCA 1, GMCA 0, SD 1", "in part (for 2 of 3 parts; not for GMCA)"),
         # A part about no single method is by itself.
-        ("GMCA 1, SD 1, ? 0", "in part (for 2 of 3 parts; not for 2)"),
+        ("GMCA 1, SD 1, ? 0", "in part (for 2 of 3 parts; not: 2)"),
         ("GMCA 1, SD 1, ? 0.5", UNDECIDED),
         ("GMCA 0, SD 0, ? 1", FAILED),
     ],

@@ -112,10 +112,7 @@ def readings():
 
 
 def candidates():
-    """{label: `Reading`}: those with a name, each with every foreground beyond lmax.
-
-    The default is the most charitable of them.
-    """
+    """{label: `Reading`} to choose the default from: those with a name, with each foreground beyond lmax."""
     several = {}
     for name, beyond in itertools.product(READINGS.keys() - {"default"}, OPTIONS["beyond"].choices):
         label, options = name, (("reading", name),)

@@ -186,8 +186,8 @@ def shares_of(rows):
     DataFrame
         Index (claim, part). Columns: "method" and "main", as of `Part`; "mean", the mean over skies of the
         share of each sky's restarts; "low" and "high", the least and largest share of a sky, of one sky the
-        Wilson interval of its restarts, 1 sigma; "absent", the share of the members in which the premise is
-        absent; "holds": True, False, or None where it is undecided.
+        Wilson interval, 1 sigma, of its restarts, or of one draw where another method has none; "absent", the
+        share of the members in which the premise is absent; "holds": True, False, or None where undecided.
     """
     judged, part = rows[rows["part"].notna()], ["claim", "part"]
     sizes = judged.groupby(["claim", "seed"])["restart"].nunique().rename("size").reset_index()
@@ -200,7 +200,8 @@ def shares_of(rows):
     columns |= {"absent": ("absent", "mean"), "members": ("size", "sum"), "skies": ("size", "size")}
     shares = skies.groupby(part, sort=False).agg(**columns)
     alone = shares["skies"] == 1
-    ends = [wilson(round(one.mean * one.members), one.members) for one in shares[alone].itertuples()]
+    draws = shares["members"].where(parts["method"].isin(("SD", "")).to_numpy(), 1)[alone]
+    ends = [wilson(round(share * n), n) for share, n in zip(shares["mean"][alone], draws, strict=True)]
     shares.loc[alone, ["low", "high"]] = np.reshape(ends, (-1, 2))
     shares["holds"] = pd.Series(map(holds_in, shares["mean"]), shares.index, dtype=object)
     return parts.set_index(part).join(shares.drop(columns=["members", "skies"]))
@@ -237,9 +238,11 @@ def judge_shares(shares):
         return REPRODUCED, ""
     if True in by_method and False in outcome.values():
         words = [f"for {sum(share.holds is True for share in shares)} of {len(shares)} parts"]
-        for held, word in ((False, "not for"), (None, "undecided for")):
-            if names := [name for name, one in outcome.items() if one is held]:
-                words.append(f"{word} {', '.join(names)}")
+        for held, word in ((False, "not"), (None, "undecided")):
+            of_methods = [name for name, one in outcome.items() if one is held and name in methods]
+            others = [name for name, one in outcome.items() if one is held and name not in methods]
+            words += [f"{word} for {', '.join(of_methods)}"] * bool(of_methods)
+            words += [f"{word}: {', '.join(others)}"] * bool(others)
         return IN_PART, "; ".join(words)
     if True in by_method or None in by_method or False not in outcome.values():
         return UNDECIDED, ""

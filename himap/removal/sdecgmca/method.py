@@ -60,15 +60,16 @@ class SDecGMCA(ForegroundRemover):
     A starts from the principal components of the data brought to the lowest resolution. Then, in turns, S
     comes from A by least squares with a Tikhonov term epsilon at every l (C21, Eq. 21; paper, Eq. 23), its
     starlet coefficients pass soft thresholds that keep a share of those above `n_sigma` times the noise, and
-    A comes from S by least squares (C21, Eqs. 14 to 16), negative entries set to zero, columns of unit
-    length. In the warm-up the share grows evenly to `share` and epsilon follows A and the beams (strategy
-    #3); in the refinement epsilon follows the spectra of the sources (#4) and large coefficients have lower
-    thresholds. The foreground is H A S with the last S without thresholds, up to `lmax`.
+    A comes from S by least squares (C21, Eqs. 14 to 16), columns of unit length. In the warm-up the share
+    grows evenly to `share` and epsilon follows A and the beams (strategy #3); in the refinement epsilon
+    follows the spectra of the sources (#4) and large coefficients have lower thresholds. The foreground is
+    H A S with a last S.
 
     The paper leaves choices; each is a parameter by name (`himap.removal.sdecgmca.readings.OPTIONS`), and
-    `reading` is a set of them: "default", "letter" (nothing that contradicts the text), "code" (the steps
-    of the public code of C21, which this follows, as a test shows), "follow-up". The coefficient that is
-    itself the threshold stays unchanged, as in that code.
+    `reading` is a set of them, as described in `himap.removal.sdecgmca.readings`; "code" follows the public
+    code of C21, as a test shows. Whether negative entries of A are set to zero, whether the last S has
+    thresholds and what the foreground is beyond `lmax` is part of the reading. The coefficient that is itself
+    the threshold stays unchanged, as in that code.
 
     The iteration is chaotic: it multiplies a change of A of 1e-10 to order one within some five iterations
     and does not converge, in C21's code as here, so that one run is one draw. `restart` perturbs the start:

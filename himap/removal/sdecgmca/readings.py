@@ -4,8 +4,9 @@
 and is what is usual where the text says nothing; the code is the steps of the public code of Carloni Gertosio
 & Bobin (2021, C21); code-rounding is the same with the eigenvalues of the last S floored at rounding; the
 follow-up changes in the inversion what the later code of the paper's first author does; instrument-noise is
-the letter with the noise of the instrument in the thresholds. The default is the most charitable to the
-paper: the reading under which most of its statements on SDecGMCA hold (chapter 16).
+the letter with the noise of the instrument in the thresholds. The default, code-rounding carried on beyond
+lmax, is provisional: it is to be the reading under which most of the paper's statements on SDecGMCA hold, and
+what is measured does not decide which that is (chapter 16).
 """
 
 from dataclasses import dataclass
@@ -105,8 +106,7 @@ OPTIONS = {
             "lowest": "that of the widest beam, found at every l",
             "first": "the first one, each coefficient with m > 0 counted once",
         },
-        word="Sect. 3.3 (i): “the lowest-resolution channel”",
-        against=("first",),
+        word="Sect. 3.3 (i): “the lowest-resolution channel”, which is the first of the paper's beams",
     ),
     "last": Option(
         question="the last S",
