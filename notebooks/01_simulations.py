@@ -159,13 +159,15 @@ CRIME = [
     ["1300–1400", "1.001", "0.99–1.56", "3.6", "28", "6.2"],
 ]  # CRIME over himap
 head = ["MHz", "mean T", "C_l, l 2–51", "l 52–99", "l 100–191", "brightest voxel"]
+quote(simulations_crime_low=CRIME[-1][2].rpartition("–")[2], simulations_crime_high=CRIME[-1][4])
 Table(head, CRIME, align="l" + 5 * "r")
 
 # %% [markdown]
 # The codes agree where a voxel contains many cells. In the nearest channels neither is converged: CRIME
 # counts ten points per cell, whose noise adds power; interpolation between cells in himap removes power.
-# Above 1300 MHz the codes agree in the mean temperature and in $C_\ell$ on the largest scales; they differ in
-# $C_\ell$ beyond $\ell$ of about 50 and in the brightest voxels. Through a beam of 1.66° ({doc}`02_beams_and_noise`)
+# Above 1300 MHz the codes agree in the mean temperature, and in $C_\ell$ at the lowest $\ell$ only: the ratio
+# grows to {glue:text}`simulations_crime_low` at $\ell \approx 50$ and to {glue:text}`simulations_crime_high`
+# beyond 100; the brightest voxels differ too. Through a beam of 1.66° ({doc}`02_beams_and_noise`)
 # the power along the line of sight, $P(k_\nu)$ ({eq}`eq-frequency-power`), agrees to 6 % above 1300 MHz.
 # CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower
 # velocities, as differences of neighbouring cells; himap has neither.
@@ -219,6 +221,7 @@ before, after = spectra.values()
 low = before[1].k < 0.3
 small = slice(min(100, sky.nside), None)
 quote(
+    simulations_cell=(sky.box_size / sky.box_cells, 0.05, "Mpc/h"),
     simulations_voxel=(turning(sky), 5, "MHz"),
     simulations_voxel_paper=(turning(Survey.preset("paper", box_cells=2048)), 5, "MHz"),
     simulations_small=f"ℓ ≥ {small.start}",
@@ -233,9 +236,10 @@ quote(
 )
 
 # %% [markdown]
-# With cells as small as the paper's the smoothing matters most, then the cell, and the code hardly (each row
-# is a pair of runs). Claims B1 to B3 and D3 depend on cell and smoothing: {doc}`18_paper_size` judges them
-# with either. At the smaller presets the cell smooths more than 2 Mpc/h does.
+# With cells as small as the paper's the code hardly matters, cell and smoothing do. Each row is a pair of runs,
+# whose band and beam are not stored; the row of `r_smooth` starts from another run, so that cell and smoothing
+# cannot be ranked. Claims B1 to B3 and D3 depend on both: {doc}`18_paper_size` judges them with either. At the
+# smaller presets the cell smooths more than 2 Mpc/h does.
 
 # %% tags=["hide-input"]
 CHOICES = [
@@ -257,7 +261,8 @@ Table(head, CHOICES, align="ll" + 4 * "r")
 # %% [markdown]
 # The paper's box has 2048³ cells. Such a field, with the Fourier modes of the box of 1024³ cells of the same
 # seed and those beyond, is compared with that box, and with another draw of 512³ cells, over the band of the
-# paper at `nside` 256. Spectra are relative to those of 2048³ cells, whose values are in the last column.
+# paper at `nside` 256; “through the beam” is through the degraded one. Spectra are relative to those of 2048³
+# cells, whose values are in the last column.
 
 # %% tags=["hide-input"]
 record = Record.load(EXPERIMENT, boxes or RESULTS / "boxes_paper.json")
@@ -488,8 +493,9 @@ for title, pixel in lines_of_sight.items():
 stamped(plotting.lines(panels))
 
 # %% [markdown]
-# The contrast between the Galaxy and HI is largest at low $\ell$: in the paper “over four” orders of
-# magnitude and “up to five”, even at high latitudes ({doc}`15_claims` has the measured ratio).
+# The contrast between the Galaxy and HI is largest at low $\ell$. The paper's “over four” orders of magnitude
+# and “up to five”, even at high latitudes, are of temperatures and twice as many in $C_\ell$
+# ({doc}`15_claims` has the measured ratio).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of all components in the channel in the middle of the band, before beam and noise."}}
 middle_maps = {
@@ -548,8 +554,10 @@ quote(
 # - The mean of HI in the middle of the band is {glue:text}`simulations_hi`; the foreground is
 #   {glue:text}`simulations_foreground` in the median pixel and at most {glue:text}`simulations_brightest`.
 #   Removing it to one part in $10^5$ is not enough where it is brightest.
-# - HI has a lognormal density, linear velocities, and no structure below the cell of the box. This suffices
-#   for foreground removal, but not for the brightest peaks at the top of the band.
+# - HI has a lognormal density, linear velocities, and no structure below the cell of the box, here
+#   {glue:text}`simulations_cell`. Already boxes of the table above with smaller cells have too little power in
+#   $P(k_\nu)$ and in $C_\ell$ at all scales, most above 1300 MHz; methods are compared with the truth of the
+#   same box.
 #
 # ## Exercise
 #
