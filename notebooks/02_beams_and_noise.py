@@ -88,7 +88,9 @@ def stamped(figure, **parameters):
 # ([conventions](../book/conventions.md)) `bracket` is the default, a ripple of 0.14 % of the width;
 # `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$.
 #
-# The oscillating beam is the widest; its ripple, too small for the left panel, has the period of 20 MHz in all readings.
+# The oscillating beam is wider than the evolving one at all frequencies, and than the degraded one below
+# {glue:text}`beams_crossing`; its ripple, too small for the left panel, has the period of 20 MHz in all
+# readings.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple as a fraction of the width, in three readings of the paper's formula (the first two nearly coincide). Spacing 0.5 MHz; dots mark the channels of this run."}}
 fine = np.arange(freqs[0], freqs[-1] + 0.25, 0.5)
@@ -128,6 +130,10 @@ ripple_panel = {
     "legend": {"loc": "upper right", "ncols": 3},
 }
 stamped(plotting.lines([widths_panel, ripple_panel]), ripple=ripple)
+
+# %% tags=["hide-input"]
+narrower = fine[width["oscillating"] < width["degraded"]]
+quote(beams_crossing=(min(narrower, default=np.nan), 2, "MHz"))
 
 # %% [markdown]
 # Between the two panels the transfer functions of the evolving and the oscillating beam change; in the
@@ -206,7 +212,7 @@ stamped(plotting.lines(panels))
 # log-log) is subtracted. Through the degraded beam the residual is negligible. Through the evolving beam it
 # is a slow trend of {glue:text}`beams_trend` rms, as the narrowing beam includes less of the plane. The
 # oscillating beam adds a ripple with the period of 20 MHz, an rms difference of adjacent channels of
-# {glue:text}`beams_jump` (HI plus noise: {glue:text}`beams_signal`), and a slower wave of
+# {glue:text}`beams_jump` (HI plus noise on this line: {glue:text}`beams_signal`), and a slower wave of
 # {glue:text}`beams_wave`. These are parts per million of the foreground, whose mean is
 # {glue:text}`beams_foreground`. A method that removes smooth spectra must separate the two curves.
 
@@ -229,8 +235,6 @@ foreground = {
     for name, observation in observations.items()
 }
 deviation = {name: unsmoothness(spectrum) for name, spectrum in foreground.items()}
-rms = np.mean([channel.std(dtype=float) for channel in observations["evolving"].truth])
-signal = 1e6 * rms / foreground["evolving"].mean()
 panels = []
 for name, observation in observations.items():
     beside = observation.truth[:, pixel] - observation.truth[:, pixel].mean(dtype=float)
@@ -253,9 +257,11 @@ for name, observation in observations.items():
 stamped(plotting.lines(panels, columns=3, size=(3.1, 3)), ripple=ripple)
 
 # %% [markdown]
-# The beams hardly change HI.
+# The rms of HI plus noise is {glue:text}`beams_rms_degraded` with the degraded beam, which smooths the noise
+# too, {glue:text}`beams_rms_evolving` with the evolving and {glue:text}`beams_rms_oscillating` with the
+# oscillating one.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, same colours. The degraded beam smooths the noise too."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-observed-maps", "caption": "HI plus noise through the three beams in the channel in the middle of the band, mean removed, same colours."}}
 channel = sky.n_channels // 2
 truth = {name: observation.truth[channel] for name, observation in observations.items()}
 maps = {name: pixels - pixels.mean() for name, pixels in truth.items()}
@@ -270,24 +276,20 @@ stamped(plotting.sky_maps(maps, span=span), ripple=ripple)
 
 # %% tags=["hide-input"]
 wiggle = {name: 1e6 * np.std(np.diff(deviation[name])) for name in observations}
+hi_wiggle = 1e6 * np.std(np.diff(observations["oscillating"].truth[:, pixel] / foreground["oscillating"]))
+rms = {name: (1e3 * pixels.std(dtype=float), 0.05, "µK") for name, pixels in truth.items()}
 show(
     {
         "FWHM at the lowest channel, evolving": (np.rad2deg(width["evolving"][0]), 1e-4, "deg"),
         "FWHM at the lowest channel, oscillating": (np.rad2deg(width["oscillating"][0]), 1e-4, "deg"),
         "noise at the lowest channel": (1e3 * noise_sigma(sky)[0], 1e-3, "µK"),
         "noise at the highest channel": (1e3 * noise_sigma(sky)[-1], 1e-3, "µK"),
-        "rms of the truth in the middle of the band, degraded": (
-            1e3 * truth["degraded"].std(dtype=float),
-            0.05,
-            "µK",
-        ),
-        "rms of the truth in the middle of the band, evolving": (
-            1e3 * truth["evolving"].std(dtype=float),
-            0.05,
-            "µK",
-        ),
+        "rms of the truth in the middle of the band, degraded": rms["degraded"],
+        "rms of the truth in the middle of the band, evolving": rms["evolving"],
+        "rms of the truth in the middle of the band, oscillating": rms["oscillating"],
         "channel-to-channel jump, evolving": (wiggle["evolving"], 1, "ppm"),
         "channel-to-channel jump, oscillating": (wiggle["oscillating"], 5, "ppm"),
+        "channel-to-channel jump, HI plus noise": (hi_wiggle, 1, "ppm"),
     }
 )
 
@@ -299,7 +301,10 @@ slow = {
 }
 quote(
     beams_foreground=(foreground["evolving"].mean() / 1e3, 0.01, "K"),
-    beams_signal=(signal, 0.1, "ppm"),
+    beams_signal=(hi_wiggle, 1, "ppm"),
+    beams_rms_degraded=rms["degraded"],
+    beams_rms_evolving=rms["evolving"],
+    beams_rms_oscillating=rms["oscillating"],
     beams_jump=(wiggle["oscillating"], 5, "ppm"),
     beams_trend=(slow["evolving"], 1, "ppm"),
     beams_wave=(slow["oscillating"], 5, "ppm"),
