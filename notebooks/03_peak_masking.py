@@ -245,7 +245,7 @@ quote(
 
 # %% [markdown]
 # With the oscillating beam {glue:text}`peaks_of_hi` of the masked peaks are mostly HI. With this $\sigma$ no
-# ripple can be flagged: a sine of amplitude $a$ has $\sigma = a/\sqrt{2}$ and its crests are at
+# sine of constant amplitude $a$ can be flagged: it has $\sigma = a/\sqrt{2}$ and its crests are at
 # $1.4\,\sigma$. It raises $\sigma$ and *hides* peaks: of those flagged in HI plus noise alone,
 # {glue:text}`peaks_found_degraded` are flagged with the degraded and {glue:text}`peaks_found_oscillating`
 # with the oscillating beam ({glue:text}`peaks_found_plane` within 10° of the Galactic plane,
