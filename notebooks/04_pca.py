@@ -70,8 +70,6 @@ study.check(removers)
 remover = removers[selected][0]
 
 # %% [markdown]
-
-# %% [markdown]
 # ## The method
 #
 # The maps, less the mean of each channel, are a matrix $\mathbf{X}$ of channels by pixels. PCA assumes the linear mixture
@@ -219,11 +217,11 @@ quote(
 # - **Degraded beam, 3 components**: the mean $C/C_0$ is {glue:text}`pca_angular_degraded` at $\ell > 10$, and
 #   $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. At smaller $k_\nu$, where HI
 #   is as smooth as the foregrounds, it is {glue:text}`pca_low_degraded`.
-# - **Evolving beam, 4 components**: $P/P_0$ is {glue:text}`pca_first_evolving` at the smallest $k_\nu$ and
-#   {glue:text}`pca_second_evolving` at the next, a foreground residual, and $C/C_0$ is
+# - **Evolving beam, 4 components**: $P/P_0$ is {glue:text}`pca_first_evolving` at the smallest $k_\nu$, a
+#   signal loss, and {glue:text}`pca_second_evolving` at the next, a foreground residual; $C/C_0$ is
 #   {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
-# - **Oscillating beam, 5 components**: a bias at $\ell < 10$ ($C/C_0$ = {glue:text}`pca_largest_scales`),
-#   above ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$
+# - **Oscillating beam, 5 components**: an excess at $\ell < 10$ ($C/C_0$ = {glue:text}`pca_largest_scales`),
+#   at $\ell > 10$ ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$
 #   ({glue:text}`pca_middle_oscillating`), and at the period of the ripple ({glue:text}`pca_ripple`). A sixth
 #   component reduces the latter to {glue:text}`pca_ripple_of_six` and removes signal: $P/P_0$ is
 #   {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at
