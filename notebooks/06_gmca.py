@@ -283,7 +283,8 @@ quote(
 # %% [markdown]
 # ## Dependence on the parameters
 #
-# Penalty, number of scales and last threshold, which the data do not determine, change the mean $C/C_0$ at $\ell < 10$ by {glue:text}`gmca_choices_spread` of the truth.
+# Penalty and number of scales, which the data do not determine, change the mean $C/C_0$ at $\ell < 10$ by
+# {glue:text}`gmca_choices_spread` of the truth.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-choices", "caption": "C/C0 for other parameters of GMCA, and for PCA, in the beam shown in detail."}}
 other_penalty, fewer_scales = "l0" if penalty == "l1" else "l1", max(1, n_scales - 1)
@@ -348,6 +349,6 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # <summary>Answer</summary>
 #
 # No: six sources of either describe the foreground, and the spectra nearly agree. The larger residual of GMCA
-# is of the missing component.
+# is due to the missing component.
 #
 # </details>
