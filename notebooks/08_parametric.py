@@ -132,7 +132,7 @@ study.stamped(plotting.lines(panels))
 # %% [markdown]
 # ## The parameters
 #
-# Compare $\alpha_1$ with the true free-free emission.
+# $\alpha_1$ follows the true free-free emission in the Galactic plane, but not in single clouds off it.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the simulated free-free emission, before the beam. Colours: central 96 % of the pixels."}}
 result = study.separation(selected, remover)
@@ -153,8 +153,8 @@ study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected
 # $\alpha_1$ has the Galactic plane, but is biased at high latitudes: its median is
 # {glue:text}`parametric_alpha` with the degraded beam, that of the true free-free emission
 # {glue:text}`parametric_free_free`. The two power laws are nearly degenerate over less than an octave, and
-# the sum of synchrotron emission and radio galaxies is curved like a little free-free emission. Only the
-# *sum*, which is subtracted, is well constrained.
+# the sum of synchrotron emission and radio galaxies has a spectral curvature that the free-free term absorbs.
+# Only the *sum*, which is subtracted, is well constrained.
 #
 # The derivatives with respect to the amplitudes are nearly the same; that with respect to the index changes
 # sign.
@@ -239,7 +239,8 @@ channel_figure(study, hardest, remover)
 angular_figure(study, removers)
 
 # %% [markdown]
-# Along the line of sight, too, compare the evolving and the oscillating beam with the degraded one.
+# Along the line of sight, too, the power is close to the truth with the degraded beam only, except for a loss
+# at the smallest $k_\nu$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
