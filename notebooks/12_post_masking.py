@@ -350,7 +350,10 @@ def looks_of(remover):
     """Styles of the two curves of one method."""
     style = styles.method_style(remover)
     dotted = {"linestyle": (0, (1, 2)), "linewidth": 1.6, "label": f"{style['label']}, full sky"}
-    return style | dotted, style | {"linewidth": 1.6, "label": f"{style['label']}, masked"}
+    masked = {"linewidth": 1.6, "label": f"{style['label']}, masked"}
+    if remover.name == "fastica":  # dotted elsewhere; these dashes lie between those of PCA
+        masked["linestyle"] = (4, (4, 4))
+    return style | dotted, style | masked
 
 
 def curves_of(methods):

@@ -439,8 +439,11 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# - **Correlation** (A1): the mean $r$ is {glue:text}`diagnostics_r_sd` for SDecGMCA, {glue:text}`diagnostics_r_pca` for PCA and FastICA and {glue:text}`diagnostics_r_gmca` for GMCA. SDecGMCA is highest in {glue:text}`diagnostics_highest` of the channels, PCA in
-#   {glue:text}`diagnostics_highest_pca`. At `quick` the numerical error of the reading lowers $r$ of SDecGMCA.
+# - **Correlation** (A1): the mean $r$ is {glue:text}`diagnostics_r_sd` for SDecGMCA,
+#   {glue:text}`diagnostics_r_pca` for PCA and FastICA and {glue:text}`diagnostics_r_gmca` for GMCA. SDecGMCA
+#   is highest in {glue:text}`diagnostics_highest` of the channels, PCA in
+#   {glue:text}`diagnostics_highest_pca`. At `quick` the numerical error of the reading lowers $r$ of
+#   SDecGMCA.
 # - **Variance** (A2): SDecGMCA is lowest at {glue:text}`diagnostics_smallest` of the multipoles.
 # - With the real Galaxy at `laptop` A1 holds in {glue:text}`15_claims.ipynb::claims_a1_share:s` of the members
 #   (skies and restarts) and A2 in {glue:text}`15_claims.ipynb::claims_a2_share:s`.
