@@ -319,9 +319,9 @@ quote(
 )
 
 # %% [markdown]
-# The pattern of {numref}`fig-sdecgmca-maps` is numerical, from the inversion continued beyond $\ell =
-# 2\,N_\mathrm{side}$: HEALPix transforms are not exact there, so that maps of the bright foreground made from
-# its coefficients differ from the maps observed. It has the smooth spectrum of the foreground, adds to $P$ at
+# The pattern of {numref}`fig-sdecgmca-maps` is numerical, from the inversion continued beyond
+# $\ell = 2\,N_\mathrm{side}$: HEALPix transforms are not exact there, so that maps of the bright foreground made
+# from its coefficients differ from the maps observed. It has the smooth spectrum of the foreground, adds to $P$ at
 # the smallest $k_\nu$, and has hardly any power at $\ell < 2\,N_\mathrm{side}$. `"projection"`, which
 # subtracts a part of the observed maps, does not have it, and differs from `"regularised"` in little else:
 # the rms error is {glue:text}`sdecgmca_error_projected` in place of {glue:text}`sdecgmca_error_continued`,

@@ -194,7 +194,7 @@ quote(
 #   highest $P/P_0$ at the peak {glue:text}`results_oscillating_sd_peak` (PCA:
 #   {glue:text}`results_oscillating_pca_peak`). PCA with one component more has
 #   {glue:text}`results_oscillating_more_low`, {glue:text}`results_oscillating_more_fine` and
-#   {glue:text}`results_oscillating_more_peak`: less peak than SDecGMCA, but more signal loss at all $\ell$, and
+#   {glue:text}`results_oscillating_more_peak`: a smaller peak than SDecGMCA, but more signal loss at all $\ell$ and
 #   at $k_\nu < 0.03$ MHz$^{-1}$ ({glue:text}`results_oscillating_more_slow`; SDecGMCA:
 #   {glue:text}`results_oscillating_sd_slow`).
 # - PCA and FastICA have the same cleaned maps ({doc}`05_fastica`).
