@@ -88,7 +88,9 @@ class TestContract:
         if not isinstance(beam, GaussianBeam):
             pytest.skip("has no width of its own")
         widths = beam.fwhm(SURVEY.freqs)
-        assert gaussian_widths(beam.windows(SURVEY.freqs, lmax=150).total) == pytest.approx(widths, rel=1e-6)
+        windows = beam.windows(SURVEY.freqs, lmax=150).total
+        assert gaussian_widths(windows) == pytest.approx(widths, rel=1e-6)
+        assert gaussian_widths(0.05 * windows) == pytest.approx(widths, rel=1e-6)  # of another normalisation
 
     def test_in_a_simulation_and_for_a_cube(self, name, beam, tmp_path):
         """The same numbers for both; and the observation is seen through them."""
@@ -228,6 +230,13 @@ class TestPerturbed:
         )
         assert np.array_equal(wrong.resmoothing, true.resmoothing)
         assert (wrong.telescope[:, 5:] < true.telescope[:, 5:]).all()
+
+    def test_one_with_parameters_there_and_back(self):
+        wrong = PerturbedBeam(beam="rippled:amplitude=0.2,period=30", width=0.01)
+        assert named(str(wrong)) == wrong
+        assert wrong.of_survey(SURVEY).total != pytest.approx(
+            PerturbedBeam(beam="rippled:amplitude=0.2", width=0.01).of_survey(SURVEY).total
+        )
 
     def test_of_a_file(self, tmp_path):
         """It goes by the lines of the file, counts by what it holds, and keeps the sign of b_l."""

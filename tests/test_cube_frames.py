@@ -64,7 +64,10 @@ class TestReadAndWritten:
         """Of the dataset, its group or the file."""
         with h5py.File(write_hdf5("a.h5", maps, FREQS), "a") as file:
             file[on].attrs[name] = "Equatorial"
-        assert read_cube("a.h5").layout.pixels.frame == "C"
+            file[on].attrs["EQUINOX"] = 1950.0
+        assert read_cube("a.h5").layout.pixels.frame == "C1950"
+        save_cleaned(clean_cube(read_cube("a.h5"), "pca", n_sources=2), "b.fits")
+        assert read_cube("b.fits").layout.pixels.frame == "C1950"
 
     def test_a_card_of_the_file_before_the_table(self, maps):
         write("a.fits", maps, None)

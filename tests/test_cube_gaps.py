@@ -7,7 +7,7 @@ import pytest
 from cube_files import FREQS, N_PIX, power_law_maps, power_laws, run, write_hdf5
 
 from himap.core.errors import InputError
-from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion
+from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion, write_report
 from himap.cubes.spectra import spectra_of
 from himap.measures import n_sources
 from himap.paper.patch import PatchPower
@@ -187,3 +187,25 @@ class TestSuggestion:
         for value in found.criterion:
             assert f"{value:.4f}" in done.output
         assert "only voxels that are there" in page.read_text()
+
+
+def test_rms_on_the_page_is_of_what_is_seen(cube, tmp_path):
+    cleaned = clean_cube(cube, "pca", n_sources=2)
+    kept = ~cube.missing
+    rms = [
+        np.sqrt(np.mean([row[some].var() for row, some in zip(maps, kept, strict=True)]))
+        for maps in (cube.maps.astype(float), cleaned.residual.astype(float))
+    ]
+    write_report(cleaned, tmp_path / "a.html")
+    page = (tmp_path / "a.html").read_text()
+    assert all(f">{value:.4g} mK<" in page for value in rms)
+
+
+def test_channels_that_a_mask_leaves_nothing_of(cube):
+    """They are left out, and said, as where a file has them empty."""
+    weights = np.broadcast_to(cube.weights, cube.maps.shape).copy()
+    half = np.arange(len(cube.mask)) < len(cube.mask) // 2
+    weights[3, half[cube.mask]] = 0
+    part = replace(cube, weights=weights).within(half)
+    assert len(part.freqs) == len(cube.freqs) - 1 and cube.freqs[3] not in part.freqs
+    assert "1 channels have no data there" in part.remarks[-1]

@@ -6,6 +6,7 @@ import h5py
 import healpy as hp
 import numpy as np
 import pytest
+from astropy import units as u
 from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_hdf5
 from cube_files import run
 from image_files import N_CHANNELS, power_law_images, write_image
@@ -67,8 +68,11 @@ class TestReading:
         assert "5 to 10 MHz apart" in remarks and "50.0% of the pixels are 0" in remarks
         maps[3] = 7
         write_hdf5("b.h5", maps)
-        remarks = " ".join(read_cube("b.h5").remarks)
-        assert "1 channels have one value everywhere" in remarks and "965 MHz" in remarks
+        cube = read_cube("b.h5")
+        remarks = " ".join(cube.remarks)
+        assert "1 of 24 channels have no data" in remarks
+        assert "1 of these have one value everywhere, as dead ones: 965 MHz" in remarks
+        assert cube.freqs == pytest.approx(np.delete(FREQS, 3))  # and is not cleaned with the others
 
     @pytest.mark.parametrize("name", ["c.fits", "c.h5"])
     def test_blind_channels_come_back_with_their_frequency(self, name, maps):
@@ -77,7 +81,27 @@ class TestReading:
         save_cleaned(clean_cube(read_cube("a.h5"), "pca", n_sources=2), name)
         again = read_cube(name, maps_name="residual" if name == "c.h5" else None)
         assert again.freqs == pytest.approx(np.delete(FREQS, [4, 9]), rel=1e-9)
-        assert "2 of 24 channels see nothing" in " ".join(again.remarks)
+        assert "2 of 24 channels have no data" in " ".join(again.remarks)
+
+    @pytest.mark.parametrize(
+        "attributes",
+        [
+            {"NAXIS1": 4, "TSCAL1": 2.0},
+            {"TZERO3": 1.0, "BITPIX": -32, "XTENSION": "IMAGE"},
+            {"OBJECT": "PARTIAL", "INDXSCHM": "EXPLICIT", "END": "x"},
+            {"epoch": np.nan, "telescope": "one"},
+        ],
+    )
+    def test_attributes_that_have_a_meaning_in_fits(self, attributes, maps):
+        """They are not those of the table that is written, whose maps they would change."""
+        write_hdf5("a.h5", maps, **attributes)
+        cleaned = clean_cube(read_cube("a.h5"), "pca", n_sources=2)
+        save_cleaned(cleaned, "c.fits")
+        assert read_cube("c.fits").maps == pytest.approx(cleaned.residual, rel=1e-6)
+
+    def test_frequencies_with_a_unit(self):
+        write_hdf5("a.h5", freqs_name=None)
+        assert read_cube("a.h5", freqs=FREQS / 1e3 * u.GHz).freqs == pytest.approx(FREQS)
 
 
 class TestBeams:

@@ -24,6 +24,7 @@ from himap.cubes.corrected import (
 from himap.cubes.mocks import draw_mocks, mock_survey, read_mocks
 from himap.cubes.spectra import compared, spectra_of
 from himap.maps import sphere
+from himap.maps.masks import bin_matrix
 from himap.measures.bootstrap import covariance
 from himap.measures.spectra import angular_power, frequency_power
 
@@ -96,6 +97,11 @@ class TestMade:
     def test_refused(self, cube, freqs, message):
         with pytest.raises(InputError, match=message):
             draw_mocks(replace(cube, freqs=freqs), beams_of(cube, "degraded"), 2)
+
+    def test_noise_and_beams_of_other_channels(self, cube):
+        for beams, noise in ((BEAMS, [1, 2]), (BEAMS[1:], None)):
+            with pytest.raises(InputError, match="24"):
+                draw_mocks(cube, beams, 2, noise=noise)
 
 
 class TestFromFiles:
@@ -271,6 +277,30 @@ class TestMeasured:
     def test_of_another_shape(self, cleaned, rng):
         with pytest.raises(InputError, match=r"the cube, \(24, 3072\), got \(23, 3072\)"):
             measure_transfer(cleaned, [blue(rng)[1:]])
+
+    def test_of_another_cube(self, cleaned, cube, rng):
+        transfer = measure_transfer(cleaned, [blue(rng)])
+        other = clean_cube(cube.within(np.arange(N_PIX) < N_PIX // 2), "pca", n_sources=2)
+        with pytest.raises(InputError, match=f"of another cube, with {N_PIX} seen pixels"):
+            correct(other, transfer, spectra_of(other))
+
+    def test_no_room_for_mocks(self, cleaned, rng, monkeypatch):
+        def no_room(*_):
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(np, "save", no_room)
+        with pytest.raises(InputError, match="the mocks cannot be kept in .*TMPDIR"):
+            measure_transfer(cleaned, [blue(rng)], beams=BEAMS)
+
+    def test_bins_of_a_mask_have_all_their_multipoles(self, cube, rng):
+        part = clean_cube(cube.within(np.arange(N_PIX) < 0.3 * N_PIX), "pca", n_sources=2)
+        transfer, spectra = measure_transfer(part, [blue(rng)[:, part.cube.mask]]), spectra_of(part)
+        both = correct(part, transfer, spectra)
+        lmax = len(transfer.degrees) - 1
+        bins = bin_matrix(lmax, round(np.median(np.diff(spectra.angular.degrees))))
+        assert bins.astype(bool).sum(axis=1)[2] > 3
+        expected = bins @ np.where(np.arange(lmax + 1) < 2, np.nan, transfer.angular)
+        assert both["angular"].share[1:] == pytest.approx(expected[2:], rel=1e-9)
 
     def test_few_channels_have_the_foreground_of_the_method(self, cube, rng):
         few = replace(cube, maps=cube.maps[:6], freqs=cube.freqs[:6])

@@ -64,7 +64,7 @@ class TestReading:
         assert np.array_equal(cube.maps, np.where(weights > 0, maps[kept][:, hits > 0], 0))
         assert np.array_equal(cube.missing, weights == 0)
         one, some, missing, *_ = cube.remarks
-        assert one.startswith("1 of 24 channels see nothing") and "80.0% of the sky is seen in some" in some
+        assert one.startswith("1 of 24 channels have no data") and "80.0% of the sky is seen in some" in some
         assert missing.startswith(f"{np.mean(weights == 0):.2%} of the voxels")
 
     @pytest.mark.parametrize("kind", ["npy", "npy turned", "ring.fits", "nested.fits", "h5", "own.h5"])
@@ -186,7 +186,7 @@ class TestCommands:
         np.save("flags.npy", flags)
         words = ("--method", "pca", "-p", "n_sources=2", "--weights", "hits.npy", "--flags", "flags.npy")
         outcome = run("clean", "cube.h5", *words, "-o", "out.h5")
-        assert "1 of 24 channels see nothing and are left out." in outcome.output
+        assert "1 of 24 channels have no data and are left out." in outcome.output
         cleaned = clean_cube(read_cube("cube.h5", weights=hits, flags=flags), "pca", n_sources=2)
         save_cleaned(cleaned, "own.h5")
         with h5py.File("out.h5") as one, h5py.File("own.h5") as two:

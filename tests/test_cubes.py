@@ -40,7 +40,7 @@ def test_pixels_that_one_channel_does_not_see_are_masked_in_all(maps, missing, t
     for scattered in (False, True):
         cube = read_cube(path, scattered=scattered)
         assert cube.weights is None and cube.mask.sum() == N_PIX - 1 and not cube.mask[7]
-        assert len(cube.freqs) == 23 and "1 of 24 channels see nothing" in cube.remarks[0]
+        assert len(cube.freqs) == 23 and "1 of 24 channels have no data" in cube.remarks[0]
 
 
 class TestCleaning:

@@ -39,7 +39,7 @@ class TestReading:
         cube = read_cube(write_image(tmp_path / "a.fits", maps))
         assert len(cube.freqs) == N_CHANNELS - 1 and cube.mask.sum() == N_Y * N_X - 1
         assert not cube.mask[2 * N_X + 5] and not cube.whole_sky
-        assert "1 of 20 channels see nothing" in cube.remarks[0]
+        assert "1 of 20 channels have no data" in cube.remarks[0]
         assert cube.remarks[1].startswith("99.5% of the image is seen in every channel")
 
 

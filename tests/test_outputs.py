@@ -88,6 +88,8 @@ def test_a_list_renames_nothing_elsewhere(tmp_path, ended):
 
 
 def test_an_error_leaves_nothing(tmp_path):
+    with pytest.raises(FileNotFoundError), atomic_files(tmp_path / "c"):  # of another file, and no fault of c
+        (tmp_path / "gone").read_text()
     with pytest.raises(KeyError), atomic_files(tmp_path / "a", tmp_path / "b") as (first, _):
         first.write_text("1")
         raise KeyError

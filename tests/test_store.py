@@ -39,10 +39,12 @@ def test_every_argument_counts(lab):
     lab.base(replace(SURVEY, seed=1))
     lab.base(SURVEY, options=np.arange(3.0))
     lab.base(SURVEY, options=np.arange(3.0) + 1e-12)
-    assert len(lab.computed()) == 7
+    for options in [{1: 2}, {"1": 2}, {"a": 1, "b": 2}, {"a: 1, b": 2}]:
+        lab.base(SURVEY, options=options)
+    assert len(lab.computed()) == 11
     lab.base(SURVEY, scale=np.float64(2.0))
     lab.base(SURVEY, options={"a": [1, None]})
-    assert len(lab.computed()) == 7
+    assert len(lab.computed()) == 11
 
 
 def test_an_argument_can_bring_a_digest(lab, tmp_path):

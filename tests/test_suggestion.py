@@ -134,7 +134,11 @@ class TestSuggestion:
         done = run("suggest", path, "--method", "beam_subspace", "--beam", "oscillating", "--to", 4)
         assert "2 eigenvalues stand above HI and noise." in done.output
 
-    @pytest.mark.parametrize("counts", [[1, 3], [3], [], [0, 1], range(20, 26), range(1, 10**30), [2, 1]])
+    def test_numbers_that_are_not_whole(self, maps, tmp_path):
+        with pytest.raises(InputError, match="n_sources must be a whole number"):
+            suggestion.suggest(cube_of(tmp_path, maps), n_sources=[1.0, 2.5])
+
+    @pytest.mark.parametrize("counts", [[1, 3], [3], [], [0, 1], range(20, 25), range(1, 10**30), [2, 1], 3])
     def test_numbers_that_are_not_in_a_row(self, counts, maps, tmp_path):
-        with pytest.raises(InputError, match="two or more numbers in a row, from 1 to .*, 24, got"):
+        with pytest.raises(InputError, match="two or more numbers in a row.* got"):
             suggestion.suggest(cube_of(tmp_path, maps), n_sources=counts)

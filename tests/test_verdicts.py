@@ -79,6 +79,8 @@ def test_skies_weigh_the_same():
 def test_the_interval_of_one_sky_is_that_of_its_restarts():
     share = members(("a", 0.5, "SD"), n=8).shares.loc["a"]
     assert (share["low"], share["high"]) == wilson(4, 8) == pytest.approx((1 / 3, 2 / 3))
+    alone = members(("a", 1, "PCA/ICA"), n=8).shares.loc["a"]  # the same cleaning, eight times
+    assert (alone["low"], alone["high"]) == wilson(1, 1)
     assert wilson(8, 8) == pytest.approx((8 / 9, 1)) and wilson(0, 1) == pytest.approx((0, 0.5))
     assert wilson(3, 10, z=1.96) == pytest.approx((0.1078, 0.6032), abs=1e-4)  # 95 %, as tabulated
 

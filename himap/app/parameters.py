@@ -7,6 +7,7 @@ that differ from the preset.
 
 import ast
 import json
+import sys
 from dataclasses import dataclass, fields
 
 from himap.core.errors import InputError, nearest
@@ -57,7 +58,7 @@ class Parameter:
         kind = _kind_of(value)
         if kind in self.kinds:
             return list(value) if kind == "list" else value
-        if kind == "int" and "float" in self.kinds:
+        if kind == "int" and "float" in self.kinds and abs(value) <= sys.float_info.max:
             return float(value)
         if kind == "float" and "int" in self.kinds and value.is_integer():
             return int(value)

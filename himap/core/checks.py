@@ -1,6 +1,7 @@
 """Checks of what users pass in; each raises `InputError` with what came and the way out."""
 
 import numbers
+import sys
 from dataclasses import MISSING, field, fields
 
 import numpy as np
@@ -57,8 +58,10 @@ def checked_freqs(freqs, n_channels):
     freqs = real_array("freqs", freqs.to_value("MHz") if hasattr(freqs, "to_value") else freqs).astype(float)
     if freqs.shape != (n_channels,):
         raise InputError(f"freqs must be one MHz value per channel, ({n_channels},), got {freqs.shape}.")
-    if not (freqs[0] > 0 and np.isfinite(freqs).all() and (np.diff(freqs) > 0).all()):
-        raise InputError("freqs must be positive and ascending, in MHz; sort the channels and maps together.")
+    if not n_channels or not (np.isfinite(freqs) & (freqs > 0)).all():
+        raise InputError("freqs must be of one channel or more, finite and above zero, in MHz.")
+    if not (np.diff(freqs) > 0).all():
+        raise InputError("freqs must be ascending, in MHz; sort the channels and maps together.")
     if not 10 < freqs[0] <= freqs[-1] < 1e5:
         raise InputError(f"freqs are in MHz; {freqs[0]:g} to {freqs[-1]:g} looks like another unit.")
     return freqs
@@ -150,7 +153,11 @@ def checked_fields(instance):
             continue
         label = f"{item.name} ({item.metadata['help']}) must be"
         is_number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-        if not is_number or not abs(value) < np.inf or (item.type is int and value != int(value)):
+        if (
+            not is_number
+            or not abs(value) <= sys.float_info.max
+            or (item.type is int and value != int(value))
+        ):
             kind = {int: "a whole number", float: "a number"}[item.type]
             raise InputError(f"{label} {kind}, got {value!r}.")
         low, high, above = (item.metadata[key] for key in ("minimum", "maximum", "above"))

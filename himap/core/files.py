@@ -163,13 +163,15 @@ def atomic_files(*paths):
     ------
     InputError
         One of them, which the message names, or the folders that they lie in, cannot be written.
+    OSError
+        Of another file, as it is.
     """
     paths = [Path(path) for path in paths]
     home, at_work = paths[0].parent, paths[0]
+    folder = home.resolve() / unfinished_name(_OUTPUT)
     try:
         home.mkdir(parents=True, exist_ok=True)
         complete_abandoned(home)
-        folder = home.resolve() / unfinished_name(_OUTPUT)
         folder.mkdir(mode=0o700)
         temporary = [folder / path.name for path in paths]
         try:
@@ -182,6 +184,9 @@ def atomic_files(*paths):
             at_work = next((path for path in reversed(paths) if (folder / path.name).exists()), at_work)
             shutil.rmtree(folder, ignore_errors=True)
     except OSError as error:
+        where = folder if error.filename is None else Path(os.fsdecode(error.filename)).resolve()
+        if where.parent != folder and not folder.is_relative_to(where):
+            raise
         why = error.strerror or f"{error}: is the disk full?"
         raise InputError(f"{at_work} cannot be written ({why}); give another place.") from None
 

@@ -12,7 +12,7 @@ from himap.maps import sphere
 from himap.maps.healpix_io import MILLIKELVIN, to_ring
 from himap.maps.low_rank import as_float32
 from himap.removal import using
-from himap.removal.data import checked_mask, checked_weights
+from himap.removal.data import checked_mask, checked_weights, scattered
 
 _TWICE = 1e-8  # relative: closer channels have one frequency
 _FEW = 0.01  # of the pixels: so many may be masked in all channels for what some of these miss
@@ -139,12 +139,20 @@ class Cube:
         return self._of(kept, remark)
 
     def _of(self, kept, remark):
-        """The same of the pixels in `kept`, all of them seen."""
-        seen, weights = kept[self.mask], self.weights
+        """The same of the pixels in `kept`, all of them seen, without the channels that see none of them."""
+        seen, layout, freqs, weights = kept[self.mask], self.layout.noted(remark), self.freqs, self.weights
         maps = self.maps[:, seen]
         if weights is not None:
-            weights = checked_weights(weights[..., seen], maps.shape)[1]
-        return replace(self, maps=maps, mask=kept, weights=weights, layout=self.layout.noted(remark))
+            weights = np.broadcast_to(weights, self.maps.shape)[:, seen]
+            some = weights.any(axis=1)
+            if some.sum() < 2:
+                raise InputError("fewer than two channels have data in the pixels that are kept.")
+            if not some.all():
+                maps, freqs, weights = maps[some], freqs[some], weights[some]
+                layout = replace(layout, channels=layout.channels[some])
+                layout = layout.noted(f"{(~some).sum()} channels have no data there and are left out.")
+            weights = checked_weights(weights, maps.shape)[1]
+        return replace(self, maps=maps, freqs=freqs, mask=kept, weights=weights, layout=layout)
 
     def channels_of(self, other):
         """The same `Cube` without the channels that the file of `other` has, but `other` has not."""
@@ -183,11 +191,7 @@ class Cube:
 
     def on_sphere(self, maps):
         """Maps (n, n_seen) with all pixels, (n, n_pix), 0 where nothing is seen; themselves if all is."""
-        if self.whole_sky:
-            return maps
-        out = np.zeros((len(maps), len(self.mask)), dtype=maps.dtype)
-        out[:, self.mask] = maps
-        return out
+        return maps if self.whole_sky else scattered(maps, self.mask)
 
     def seen_of(self, truth):
         """Maps of a truth of the same pixels and channels, (n_channels, n_seen), 0 where missing here."""
@@ -205,8 +209,8 @@ def are_scattered(seen):
 def make_cube(maps, layout, *, weights=None):
     """The `Cube` of maps as a file has them: sorted, in mK, RING, with the pixels seen in every channel.
 
-    NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out. With weights,
-    pixels that are seen in some channel are kept.
+    NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out, and a dead
+    one, with one value everywhere. With weights, pixels that are seen in some channel are kept.
 
     Parameters
     ----------
@@ -222,6 +226,10 @@ def make_cube(maps, layout, *, weights=None):
     if weights is not None:
         weights *= seen
         seen = weights > 0
+    dead = np.array([_is_constant(in_ring(maps[n])[there]) for n, there in enumerate(seen)])
+    if (dead | ~seen.any(axis=1)).all() and dead.any():
+        raise InputError("all maps are zero, or have one value everywhere.")
+    seen[dead] = False
     channels = _seen_channels(seen, layout.freqs)
     mask = seen[channels].all(axis=0) if weights is None else seen.any(axis=0)
     if not mask.any():
@@ -239,6 +247,9 @@ def make_cube(maps, layout, *, weights=None):
         weights = weights[np.ix_(channels, mask)]
     freqs = layout.freqs[channels]
     remarks = _remarks_on(lines, freqs, mask, weights, layout)
+    if dead.any():
+        names = ", ".join(f"{freq:g}" for freq in np.sort(layout.freqs[dead])[:5])
+        remarks.append(f"{dead.sum()} of these have one value everywhere, as dead ones: {names} MHz.")
     if weights is None and are_scattered(seen):
         remarks.append(
             "Pixels that some channels miss are masked in all; methods that take weights keep what is seen "
@@ -259,6 +270,10 @@ def make_cube(maps, layout, *, weights=None):
     )
 
 
+def _is_constant(values):
+    return len(values) > 1 and values.min() == values.max()
+
+
 def _seen_channels(seen, freqs):
     """The places (n_channels,) of the channels that see some pixel, by frequency, two or more."""
     channels = np.argsort(freqs, kind="stable")
@@ -277,12 +292,10 @@ def _seen_channels(seen, freqs):
 
 def _remarks_on(maps, freqs, mask, weights, layout):
     """What is not seen of a cube, and what may be a mistake in it, a list of sentences."""
-    if not maps.any():
-        raise InputError("all maps are zero.")
     remarks, where = [], "every" if weights is None else "some"
     n_channels = len(layout.freqs)
     if len(freqs) < n_channels:
-        remarks.append(f"{n_channels - len(freqs)} of {n_channels} channels see nothing and are left out.")
+        remarks.append(f"{n_channels - len(freqs)} of {n_channels} channels have no data and are left out.")
     if not mask.all():
         area = layout.pixels.area
         remarks.append(f"{mask.mean():.1%} of {area} is seen in {where} channel; the rest is masked.")
@@ -292,10 +305,6 @@ def _remarks_on(maps, freqs, mask, weights, layout):
             "no weight): they have no weight, their residual is not known, and the spectra have 0 in "
             "their place."
         )
-    constant = [freq for freq, pixels in zip(freqs, maps, strict=True) if pixels.min() == pixels.max()]
-    if constant and maps.shape[1] > 1:
-        names = ", ".join(f"{freq:g}" for freq in constant[:5])
-        remarks.append(f"{len(constant)} channels have one value everywhere, as dead ones: {names} MHz.")
     empty = np.mean(~maps.any(axis=0))
     if empty:
         remarks.append(f"{empty:.1%} of the pixels are 0 in all channels; make them NaN if they are missing.")

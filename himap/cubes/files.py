@@ -188,6 +188,7 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
     if is_path(freqs):
         freqs, given_from = read_freqs(freqs)
         freqs_from = layout.freqs_from or given_from
+    freqs = freqs.to_value("MHz") if hasattr(freqs, "to_value") else freqs
     freqs = None if freqs is None else real_array("freqs", freqs).astype(float)
     both = {
         "same": lambda one, other: one.shape == other.shape and same_freqs(one, other).all(),

@@ -5,7 +5,6 @@ frequencies may descend, and axes of length one (Stokes) are kept for the way ba
 file or in a folder, are the channels of one cube if they share the axes of the sky and no frequency.
 """
 
-import re
 import warnings
 from contextlib import contextmanager
 from dataclasses import replace
@@ -19,15 +18,10 @@ from himap.core.errors import InputError
 from himap.core.reading import reading
 from himap.cubes.axes import check_world_axes, fits_in, stated_freqs, turn_of
 from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, image_name, world_of
-from himap.cubes.layout import Layout, check_cube_room, only_value, plain_pairs
+from himap.cubes.layout import STRUCTURE, Layout, check_cube_room, only_value, plain_pairs
 from himap.maps.frames import spectral_frame_of
 from himap.maps.healpix_io import card_text, freq_in_header, read_maps
 
-_STRUCTURE = re.compile(  # cards of a table of maps that are written anew, by what was read, or not at all
-    r"SIMPLE|XTENSION|EXTEND|BITPIX|NAXIS\d*|[PG]COUNT|TFIELDS|THEAP|T[A-Z]{3,4}\d+|EXT(NAME|VER|LEVEL)"
-    r"|CHECKSUM|DATASUM|DATE|PIXTYPE|ORDERING|NSIDE|(FIRST|LAST)PIX|INDXSCHM|OBJECT|OBS_NPIX|GRAIN|BAD_DATA"
-    r"|COORDSYS|EQUINOX|RADE(C)?SYS|B?UNIT|FREQ|COMMENT|HISTORY|"
-)
 _STOKES = {  # names of the three columns of one polarised map: of healpy, and so of PySM; of CRIME
     ("TEMPERATURE", "Q_POLARISATION", "U_POLARISATION"),
     ("I_STOKES", "Q_STOKES", "U_STOKES"),
@@ -77,7 +71,7 @@ def _layout(path, maps, files, labels, **stated):
         return only_value(path, what, values, labels)
 
     first, *others = (file.header for file in files)
-    about = plain_pairs({key: value for key, value in first.items() if not _STRUCTURE.fullmatch(key)})
+    about = plain_pairs({key: value for key, value in first.items() if not STRUCTURE.fullmatch(key)})
     same("spectral frame", [spectral_frame_of(file.header.get("SPECSYS")) for file in files])
     same("order of pixels", [{True: "NESTED", False: "RING"}.get(file.nested) for file in files])
     return Layout.of_sphere(

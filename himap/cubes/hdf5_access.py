@@ -184,7 +184,7 @@ class Datasets:
         about, spectral_frame = plain_pairs(pairs, _STRUCTURE), self.text(*_SPECTRAL, of=item)
         about |= {"SPECSYS": spectral_frame} if spectral_frame else {}
         name = f"the frame of coordinates (an attribute of {self.path})"
-        frame = frame_of(self.text(*_FRAMES, of=item), name=name)
+        frame = frame_of(self.text(*_FRAMES, of=item), self.text("equinox", "EQUINOX", of=item), name)
         order, nested = self.text(*_ORDERS, of=item), self.text(*_NESTED, of=item)
         words = {"True": "NESTED", "1": "NESTED", "False": "RING", "0": "RING"}
         orders = {is_nested(word) for word in (order, words.get(nested, nested)) if word is not None}

@@ -15,6 +15,13 @@ from himap.maps.healpix_io import MILLIKELVIN, write_maps
 OURS = ("method", "parameters", "himap", "restart", "restarts", "failed", "remarks", "axes", "wcs")
 """What is written of a cleaning, and of its pixels: of one cube, and none that is made of it."""
 
+STRUCTURE = re.compile(
+    r"SIMPLE|XTENSION|EXTEND|END|BITPIX|NAXIS\d*|[PG]COUNT|TFIELDS|THEAP|T[A-Z]{3,4}\d+|EXT(NAME|VER|LEVEL)"
+    r"|CHECKSUM|DATASUM|DATE|PIXTYPE|ORDERING|NSIDE|(FIRST|LAST)PIX|INDXSCHM|OBJECT|OBS_NPIX|GRAIN|BAD_DATA"
+    r"|COORDSYS|EQUINOX|RADE(C)?SYS|B?UNIT|FREQ|COMMENT|HISTORY|"
+)
+"""Keys of a header of FITS that are written anew, by what was read, or not at all."""
+
 _LARGEST = 1e15  # what is as large as this is no number: healpy marks missing pixels with -1.6e30
 _ROUNDING = 1e-6  # relative: frequencies that are stated twice are the same
 _KEY, _TEXT = re.compile(r"[A-Za-z0-9_-]{1,8}"), re.compile(r"[ -~]{0,60}")  # of a card in FITS
@@ -129,7 +136,12 @@ class Layout:
     def cards(self):
         """What of `about` a header of FITS can hold, a list of (key, value)."""
         texts = ((key.upper(), value) for key, value in self.about.items() if _KEY.fullmatch(key))
-        return [(key, value) for key, value in texts if not isinstance(value, str) or _TEXT.fullmatch(value)]
+        return [
+            (key, value)
+            for key, value in texts
+            if not STRUCTURE.fullmatch(key)
+            and (_TEXT.fullmatch(value) if isinstance(value, str) else np.isfinite(value))
+        ]
 
     def noted(self, *remarks):
         """The same with more remarks."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from himap.core.checks import checked_noise, evenly_spaced, whole_number
+from himap.core.checks import checked_beams, checked_noise, evenly_spaced, whole_number
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.core.survey import Survey
@@ -71,7 +71,8 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
         raise InputError(
             "mocks are made with the beam of the cube; give it (beams=, --beam), or mocks of your own."
         )
-    sigma = checked_noise("noise", noise)
+    beams = checked_beams("beams", beams, len(cube.freqs))
+    sigma = checked_noise("noise", noise, len(cube.freqs))
     survey = mock_survey(cube, seed=seed)
 
     def mock(rng):

@@ -113,10 +113,7 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None)
 def _head(cleaned, said):
     cube, method, pixels = cleaned.cube, cleaned.method, cleaned.cube.layout.pixels
     parameters = [f"{name} = {value}" for name, value in asdict(method).items()]
-    rms_before, rms_after = (  # of maps less their channel means
-        np.sqrt(np.mean([channel.var(dtype=np.float64) for channel in maps]))
-        for maps in (cube.maps, cleaned.residual)
-    )
+    rms_before, rms_after = (_rms(maps, cube.missing) for maps in (cube.maps, cleaned.residual))
     facts = {
         "method": ", ".join([method.name, *parameters]),
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
@@ -127,6 +124,12 @@ def _head(cleaned, said):
         "iterations": f"{cleaned.separation.n_iterations}",
     }
     return [Table([], facts.items()), *map(note, [*said, *cleaned.remarks])]
+
+
+def _rms(maps, missing):
+    """Of maps (n_channels, n_seen) less their channel means; without what is `missing`, of their shape."""
+    kept = [slice(None)] * len(maps) if missing is None else ~missing
+    return np.sqrt(np.mean([row[some].var(dtype=np.float64) for row, some in zip(maps, kept, strict=True)]))
 
 
 def _spectra_parts(cube, spectra):
@@ -240,9 +243,10 @@ def modes_figure(cleaned):
 def maps_figure(cleaned):
     """The residual in the channel in the middle, and its rms over channels; grey where nothing is seen."""
     cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
+    n_seen = len(cube.freqs) if cube.missing is None else np.count_nonzero(~cube.missing, axis=0)
     seen = {
         f"residual at {cube.freqs[middle]:g} MHz": cleaned.residual[middle],
-        "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / len(cube.freqs)),
+        "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / n_seen),
     }
     maps = {title: np.full(len(cube.mask), np.nan) for title in seen}
     for title, values in seen.items():

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.cubes.cleaning import cleaning_of, method_for
@@ -144,13 +145,17 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     """
     n_channels = len(cube.freqs)
     n_sources = range(1, min(MOST_SOURCES + 1, n_channels)) if n_sources is None else n_sources
-    counts = n_sources if isinstance(n_sources, range) else list(n_sources)
-    inside = counts and 1 <= counts[0] < counts[-1] <= n_channels  # a range may have no end
+    if not np.iterable(n_sources):
+        raise InputError(f"n_sources are two or more numbers in a row, got {n_sources!r}.")
+    counts = n_sources
+    if not isinstance(n_sources, range):
+        counts = [whole_number("n_sources", one, 1, n_channels) for one in n_sources]
+    inside = counts and 1 <= counts[0] < counts[-1] < n_channels  # a range may have no end
     if not (inside and list(counts) == list(range(counts[0], counts[-1] + 1))):
         came = f"{counts[0]} to {counts[-1]}" if counts and counts is n_sources else list(counts)
         raise InputError(
-            "n_sources (--from, --to) are two or more numbers in a row, from 1 to the number of channels, "
-            f"{n_channels}, got {came}."
+            "n_sources (--from, --to) are two or more numbers in a row, from 1 to one less than there are "
+            f"channels, {n_channels - 1}, got {came}."
         )
     counts = np.array(counts)
     # Refused now, not after the others.

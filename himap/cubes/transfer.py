@@ -170,8 +170,15 @@ def _analysed(cube, parts, mocks):
 def _in_files(path, arrays):
     """The arrays as files next to a path, mapped into memory when they are looked at, a list."""
     files = [path.with_suffix(f".{n}.npy") for n in range(len(arrays))]
-    for file, array in zip(files, arrays, strict=True):
-        np.save(file, array)
+    try:
+        for file, array in zip(files, arrays, strict=True):
+            np.save(file, array)
+    except OSError as error:
+        size = sum(array.nbytes for array in arrays) / 1e9
+        raise InputError(
+            f"the mocks cannot be kept in {path.parent.parent}, {size:.2g} GB each ({error}); give another "
+            "folder for temporary files (the variable TMPDIR)."
+        ) from None
     return [np.load(file, mmap_mode="r") for file in files]
 
 
@@ -244,7 +251,18 @@ def correct(cleaned, transfer, spectra, truth=None):
         Its `PowerSpectra`, in bins of l where a mask asks for them.
     truth
         The `Comparison` with the truth, if there is one.
+
+    Raises
+    ------
+    InputError
+        A transfer function of another cube.
     """
+    n_seen = sum(map(len, transfer.parts.pixels))
+    if (n_seen, transfer.powers.shape[-1]) != (cleaned.cube.maps.shape[1], len(spectra.frequency.k)):
+        raise InputError(
+            f"the transfer function is of another cube, with {n_seen} seen pixels and "
+            f"{transfer.powers.shape[-1]} values of P(k): measure it for this one (measure_transfer)."
+        )
     alms = alms_of(cleaned.cube, cleaned.residual, len(transfer.degrees) - 1)
     power, corrected = harmonic_power(alms, cleaned.cube.channel_width), {}
     places = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
@@ -268,12 +286,21 @@ def correct(cleaned, transfer, spectra, truth=None):
     return corrected
 
 
+def _ends(middles):
+    """Ends of bins of l that follow each other from l = 0 on, in which each l counts the same, (2, n)."""
+    ends = [-0.5]
+    for middle in middles:
+        ends.append(2 * middle - ends[-1])
+    return np.array([ends[:-1], ends[1:]])
+
+
 def _in_bins(kind, x, transfer, power):
     """The `Corrected` of one spectrum, in bins at the places `x`, from the `HarmonicPower` of a residual."""
     known = slice(2, None) if kind == "angular" else slice(1, None)
     known_at = (transfer.degrees if kind == "angular" else transfer.k)[known]
-    half, inside = (x[1] - x[0]) / 2, (x >= known_at[0]) & (x <= known_at[-1])
-    bins = np.abs(known_at - x[inside, None]) < half
+    inside = (x >= known_at[0]) & (x <= known_at[-1])
+    low, high = _ends(x) if kind == "angular" else (x - (x[1] - x[0]) / 2, x + (x[1] - x[0]) / 2)
+    bins = (known_at > low[inside, None]) & (known_at < high[inside, None])
     bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
     left, share = getattr(power, kind), getattr(transfer, kind)
     lost = share <= 0

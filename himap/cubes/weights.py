@@ -114,8 +114,8 @@ def _values(given, word, layout, shape, rotate):
 
 def _by_channel(label, values, pixels):
     """Real numbers, or True as 1, of these pixels, (n_channels or 1, n_pix); errors call them `label`."""
-    values = np.asarray(values)
-    values = real_array(label, values.astype(np.uint8) if values.dtype == bool else values)
+    is_bool = isinstance(values, np.ndarray) and values.dtype == bool
+    values = real_array(label, values.astype(np.uint8) if is_bool else values)
     shape, on_sphere = pixels.shape, pixels.whole_sky
     fits_in = sphere_sizes(values.shape) if on_sphere else values.shape[-2:] == shape
     if values.ndim - len(shape) not in (0, 1) or not fits_in:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from himap.core.checks import checked_cube, whole_number
+from himap.core.checks import checked_cube, real_array, whole_number
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
@@ -134,7 +134,8 @@ def checked_maps(maps, mask):
     InputError
         Maps that are not finite where kept, or a bad mask.
     """
-    shape = np.shape(maps)
+    maps = real_array("maps", maps)
+    shape = maps.shape
     weights = mask_weights(mask, shape[-1] if shape else 0)
     return checked_cube("maps", maps, kept=None if mask is None else weights > 0), weights
 

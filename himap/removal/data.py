@@ -98,7 +98,8 @@ class Data:
         InputError
             Maps that are not finite, or of one channel; a mask, weights or an image that do not fit them.
         """
-        shape = np.shape(maps)
+        maps = real_array("maps", maps)
+        shape = maps.shape
         kept = None if mask is None else checked_mask(mask, shape[-1] if shape else 0)
         if weights is not None:
             kept, weights = checked_weights(weights, shape, kept)

@@ -163,7 +163,8 @@ def _describe(value):
     if isinstance(value, (tuple, list)):
         return "(" + ", ".join(_describe(item) for item in value) + ")"
     if isinstance(value, dict):
-        texts = {key if isinstance(key, str) else _describe(key): one for key, one in value.items()}
+        plain = [isinstance(key, str) and key.isidentifier() for key in value]
+        texts = {key if one else _describe(key): value[key] for key, one in zip(value, plain, strict=True)}
         return "{" + ", ".join(f"{key}: {_describe(texts[key])}" for key in sorted(texts)) + "}"
     if is_dataclass(value) and not isinstance(value, type):
         counted = [(f, getattr(value, f.name)) for f in fields(value) if f.compare]

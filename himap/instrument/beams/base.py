@@ -151,11 +151,11 @@ def diffraction_fwhm(freqs, dish_diameter):
 def gaussian_widths(beams):
     """FWHM, rad, (n_channels,), of the Gaussians that fall as `beams` do, b_l (n_channels, lmax + 1).
 
-    Read at the last l where b_l is above a tenth.
+    Read at the last l where b_l is above a tenth of that at l = 0.
     """
     widths = []
     for beam in beams:
-        degree = max(np.flatnonzero(beam > _FELT)[-1], 1)
-        sigma = np.sqrt(-2 * np.log(min(beam[degree], 1)) / (degree * (degree + 1)))
+        degree = max(np.flatnonzero(beam > _FELT * beam[0])[-1], 1)
+        sigma = np.sqrt(-2 * np.log(min(beam[degree] / beam[0], 1)) / (degree * (degree + 1)))
         widths.append(np.sqrt(8 * np.log(2)) * sigma)
     return np.array(widths)

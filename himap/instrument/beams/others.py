@@ -78,7 +78,8 @@ class FromFile(Beam):
 class PerturbedBeam(Beam):
     """Another beam whose FWHM is wrong by a share e = width + ripple sin(2 pi nu / period + phase).
 
-    That of a Gaussian is b_l to the power (1 + e)^2; the same is used for any other.
+    That of a Gaussian is b_l to the power (1 + e)^2; the same is used for any other. Parameters of that beam
+    are separated by semicolons, so that ``str`` of both can be read again.
 
     Raises
     ------
@@ -96,6 +97,8 @@ class PerturbedBeam(Beam):
     phase: float = parameter(0.0, "its phase at 0 MHz, rad")
 
     def __post_init__(self):
+        if isinstance(self.beam, str) and not is_file(self.beam):
+            object.__setattr__(self, "beam", self.beam.replace(",", ";"))
         super().__post_init__()
         _ = self._true
 
@@ -103,7 +106,7 @@ class PerturbedBeam(Beam):
     def _true(self):
         from himap.instrument.beams import named  # here, because the register finds this beam too
 
-        return named(self.beam)
+        return named(self.beam if is_file(self.beam) else self.beam.replace(";", ","))
 
     @property
     def follows_dish(self):
