@@ -496,7 +496,7 @@ TRUTH = "the truth is the cube itself"
 add("the cube as its truth", "good.h5 --truth good.h5", TRUTH)
 add("the cube in another file as its truth", ["good.h5", "--truth", "good.npy", *READING], TRUTH)
 add("a truth of another nside", "good.h5 --truth a.h5", "the truth must have the channels",
-    write_hdf5, "a.h5", np.ones((24, 768)))  # fmt: skip
+    write_hdf5, "a.h5", np.tile(good_maps(), 4))  # fmt: skip
 
 
 over = "good.npy --freqs nu.html --unit mK --overwrite --method beam_subspace --beam evolving"

@@ -299,7 +299,7 @@ class TestMeasured:
         lmax = len(transfer.degrees) - 1
         bins = bin_matrix(lmax, round(np.median(np.diff(spectra.angular.degrees))))
         assert bins.astype(bool).sum(axis=1)[2] > 3
-        expected = bins @ np.where(np.arange(lmax + 1) < 2, np.nan, transfer.angular)
+        expected = bins @ np.where(np.arange(lmax + 1) < 2, 0, transfer.angular)
         assert both["angular"].share[1:] == pytest.approx(expected[2:], rel=1e-9)
 
     def test_few_channels_have_the_foreground_of_the_method(self, cube, rng):

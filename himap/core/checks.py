@@ -59,7 +59,7 @@ def checked_freqs(freqs, n_channels):
     if freqs.shape != (n_channels,):
         raise InputError(f"freqs must be one MHz value per channel, ({n_channels},), got {freqs.shape}.")
     if not n_channels or not (np.isfinite(freqs) & (freqs > 0)).all():
-        raise InputError("freqs must be of one channel or more, finite and above zero, in MHz.")
+        raise InputError("freqs must be positive and finite, in MHz, of one channel or more.")
     if not (np.diff(freqs) > 0).all():
         raise InputError("freqs must be ascending, in MHz; sort the channels and maps together.")
     if not 10 < freqs[0] <= freqs[-1] < 1e5:

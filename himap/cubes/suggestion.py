@@ -149,7 +149,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         raise InputError(f"n_sources are two or more numbers in a row, got {n_sources!r}.")
     counts = n_sources
     if not isinstance(n_sources, range):
-        counts = [whole_number("n_sources", one, 1, n_channels) for one in n_sources]
+        counts = [whole_number("n_sources", one, 0, n_channels) for one in n_sources]
     inside = counts and 1 <= counts[0] < counts[-1] < n_channels  # a range may have no end
     if not (inside and list(counts) == list(range(counts[0], counts[-1] + 1))):
         came = f"{counts[0]} to {counts[-1]}" if counts and counts is n_sources else list(counts)
