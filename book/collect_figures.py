@@ -14,9 +14,11 @@ from pathlib import Path
 import click
 
 from himap.app.notebook_files import STAMP, figures, read_notebook
+from himap.app.notebooks import notebooks
 from himap.core.errors import InputError
 from himap.core.files import atomic_files
 from himap.sky.galaxy import Galaxy
+from himap.store.fingerprint import moved
 
 PLACES = {"template_dir"}  # parameters that say where something lies on one machine
 
@@ -35,12 +37,19 @@ def main(copies, target):
                 with atomic_files(Path(target, f"{figure.name}.png")) as (temporary,):
                     temporary.write_bytes(figure.png)
                 about = {"name": figure.name, "paper": figure.paper, "parameters": made}
-                about |= {"code": stamp["fingerprint"], "execution": stamp["execution"]}
+                about |= {"code": code_of(figure, stamp), "execution": stamp["execution"]}
                 rows.append(about | {"panels": curves(figure)})
     if not rows:
         raise click.ClickException("none of these notebooks has a figure of the paper.")
     with atomic_files(Path(target, "figures.json")) as (temporary,):
         temporary.write_text(json.dumps({"figures": rows}, separators=(",", ":")) + "\n")
+
+
+def code_of(figure, stamp):
+    """Fingerprint of the code behind a figure; of all of its notebook where that has changed since it ran."""
+    (notebook,) = (one for one in notebooks() if figure.name in one.captions)
+    is_today = not moved(stamp["fingerprint"], notebook.fingerprint())
+    return notebook.figure_fingerprint(figure.name) if is_today else stamp["fingerprint"]
 
 
 def without_places(parameters):

@@ -13,6 +13,7 @@ from himap.app.notebook_files import code_cells, figure_options, named_figures, 
 from himap.app.parameters import read_parameters
 from himap.core.errors import InputError, nearest
 from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree
+from himap.store.sources import behind
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -93,8 +94,16 @@ class Notebook:
 
         Files have the path in the checkout, from "./": see `himap.store.fingerprint.moved`.
         """
-        code = (tree or CodeTree()).source_fingerprint(*(cell.source for cell in code_cells(self.node)))
-        checkout = self.path.parents[1]
+        return self._fingerprint(tree, *(cell.source for cell in code_cells(self.node)))
+
+    def figure_fingerprint(self, name, tree=None):
+        """The same of the code behind one figure: its cell, and what that depends on in those before it."""
+        cells = code_cells(self.node)
+        (last,) = (n for n, cell in enumerate(cells) if figure_options(cell).get("name") == name)
+        return self._fingerprint(tree, behind(*(cell.source for cell in cells[: last + 1])))
+
+    def _fingerprint(self, tree, *sources):
+        code, checkout = (tree or CodeTree()).source_fingerprint(*sources), self.path.parents[1]
         return code | {
             f"./{path.relative_to(checkout)}": hashlib.sha256(path.read_bytes()).hexdigest()[:16]
             for path in self.reads

@@ -305,11 +305,13 @@ def stale_results(folder=None, notebooks_folder=None):
     folder, notebooks_folder
         Where the results and the notebooks are, if not in this checkout.
     """
-    tree, states = CodeTree(), {}
+    tree, states, results = CodeTree(), {}, stored_results(folder)
     today = {name: measuring_code(name, tree) for name in EXPERIMENTS}
+    known = {name for result in results for name in result.codes}
     for notebook in notebooks(notebooks_folder):
-        today |= dict.fromkeys(notebook.captions, notebook.fingerprint(tree))
-    for result in stored_results(folder):
+        shown = [name for name in notebook.captions if name in known]
+        today |= {name: notebook.figure_fingerprint(name, tree) for name in shown}
+    for result in results:
         changes = {name: moved(code, today.get(name, "")) for name, code in result.codes.items()}
         changed = [name for name, parts in changes.items() if parts]
         others = dict.fromkeys(part for parts in changes.values() for part in parts if part != "code")

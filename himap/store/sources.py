@@ -158,6 +158,37 @@ def parse_cells(sources):
     return code, code.cells(*cells)
 
 
+def behind(*cells):
+    """The statements behind the last of some cells, as text: its own, and those that make or change a name.
+
+    Those are the names in it, and in what is behind it. A statement changes what it assigns to, also in a
+    part, and what it calls a method of where it is not the last of its cell, which is shown.
+    """
+    *before, last = map(_statements, cells)
+    rest = [(node, node is not cell[-1]) for cell in before for node in cell]
+    behind, names = set(), _names_in(last)
+    while new := {n for n, one in enumerate(rest) if n not in behind and _changed_by(*one) & names}:
+        behind |= new
+        names |= _names_in(rest[n][0] for n in new)
+    return "\n".join(map(ast.unparse, [*(rest[n][0] for n in sorted(behind)), *last]))
+
+
+def _names_in(nodes):
+    return {one.id for node in nodes for one in ast.walk(node) if isinstance(one, ast.Name)}
+
+
+def _changed_by(node, is_hidden):
+    """The names that a statement makes or changes in place."""
+    changed = names_bound(node)
+    for one in ast.walk(node) if is_hidden or not isinstance(node, ast.Expr) else ():
+        if isinstance(one, ast.Expr) and isinstance(one.value, ast.Call):
+            base = one.value.func
+            while isinstance(base, ast.Attribute | ast.Subscript | ast.Call):
+                base = base.func if isinstance(base, ast.Call) else base.value
+            changed |= _names_in([base]) if isinstance(one.value.func, ast.Attribute) else set()
+    return changed
+
+
 def _statements(source):
     try:
         return ast.parse(source).body

@@ -246,9 +246,10 @@ def names_bound(node):
         return {node.name}
     if isinstance(node, IMPORTS):
         return set(map(bound_name, node.names))
-    bound = set()
+    bound, loops = set(), [one.target for one in ast.walk(node) if isinstance(one, ast.comprehension)]
+    inner = {child for target in loops for child in ast.walk(target)}  # variables of comprehensions
     for child in ast.walk(node):
-        is_place = isinstance(child, (ast.Name, ast.Subscript, ast.Attribute))
+        is_place = isinstance(child, (ast.Name, ast.Subscript, ast.Attribute)) and child not in inner
         if is_place and isinstance(child.ctx, ast.Store):  # TABLE[key] = value changes TABLE
             inside = ast.walk(getattr(child, "value", child))
             bound |= {n.id for n in inside if isinstance(n, ast.Name)}
