@@ -26,21 +26,14 @@
 # > - **Time and memory**: {cost}`18_paper_size`.
 #
 # The chapters use the preset `quick`, and the ledger is measured at `laptop`. This page has the claims and the
-# figures at the paper's size, `nside` 256 and 500 channels of 1 MHz. One thing differs from the paper: the
-# real Galaxy is made of templates of nside 64 with small scales drawn at random, where the paper has PySM's
-# of nside 512. One ledger has the paper's HI box of 2048³ cells and a single run of SDecGMCA, the other has
+# figures at the paper's size, `nside` 256 and 500 channels of 1 MHz. The largest difference in the foreground
+# is that the real Galaxy is made of templates of nside 64 with small scales drawn at random, where the paper
+# has PySM's of nside 512; {doc}`../book/conventions` lists the others. One ledger has the paper's HI box of 2048³ cells and a single run of SDecGMCA, the other has
 # several restarts and, as the figures, 1024³ cells, which are {glue:text}`paper_size_cell` wide; a pixel at
 # the far end is {glue:text}`paper_size_pixel` wide. {doc}`01_simulations` compares the two boxes.
 #
-# ```sh
-# himap templates FOLDER --nside 64
-# himap measure claims --preset paper -p box_cells=2048 -p n_realisations=1 -p n_restarts=1 -p n_sources_max=8 -p galaxy=templates -p template_dir=FOLDER --jobs 2
-# himap measure restarts --preset paper -p reading=default -p n_realisations=1 -p n_sources_min=5 -p n_sources_max=5 -p galaxy=templates -p template_dir=FOLDER --jobs 2
-# himap measure claims --preset paper -p r_smooth=2 -p n_realisations=1 -p n_restarts=1 -p n_sources_min=5 -p n_sources_max=5 -p galaxy=templates -p template_dir=FOLDER --jobs 2
-# himap run --all --preset paper -p galaxy=templates -p template_dir=FOLDER --jobs 2
-# ```
-#
-# The results are stored in `book/results`; {doc}`19_scale` has their times.
+# The results are stored in `book/results`; {doc}`../book/contributing` has the commands and {doc}`19_scale` the
+# times.
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -75,7 +68,9 @@ others = other_records(ledgers[0][1], folder)
 # chance ({doc}`27_restarts`). The last has {glue:text}`paper_size_restarts` restarts, Table 1's number of
 # sources alone (N1 to N5 do not apply), and an HI box of 1024³ cells in place of 2048³: Galaxy and noise are
 # the same, and HI has the same Fourier modes where both boxes have them. {doc}`15_claims` explains verdicts
-# and signs; main parts that hold in less than 84 % of the members are listed with that share.
+# and signs; main parts that hold in less than 84 % of the members are listed with that share, and the last
+# column has the records in which all those parts hold. F1 is reproduced at `laptop` and not with the paper's
+# box, since HI is brighter in finer cells ({doc}`00_the_answer`).
 
 # %% tags=["hide-input"]
 Markdown("\n\n".join([verdicts_table(ledgers), ledgers_table(ledgers, others=others)]))
@@ -111,8 +106,9 @@ quote(
 # All figures of the paper at its size, each for the real Galaxy and then the synthetic one. The linked
 # chapter states what each shows, and has both Galaxies at this size among its interactive curves. Those of the
 # real Galaxy have eight restarts of SDecGMCA, the scan over the number of sources one; those of the synthetic
-# Galaxy are of an older run, with one restart in the reading `instrument-noise` ({doc}`16_readings`). All
-# numbers are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# Galaxy are of an older run, with one restart in the reading `instrument-noise` ({doc}`16_readings`). Of
+# restarts lines are medians, bands their 16 to 84 % and thin lines single ones; ratios are linear near 1 and
+# logarithmic beyond where a figure says so. All numbers are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]
 Markdown(pictures([real, synthetic], folder))
