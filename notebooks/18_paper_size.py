@@ -28,12 +28,13 @@
 # The chapters use the preset `quick`, and the ledger is measured at `laptop`. This page has the claims and the
 # figures at the paper's size, `nside` 256 and 500 channels of 1 MHz. The largest difference in the foreground
 # is that the real Galaxy is made of templates of nside 64 with small scales drawn at random, where the paper
-# has PySM's of nside 512; {doc}`../book/conventions` lists the others. One ledger has the paper's HI box of 2048³ cells and a single run of SDecGMCA, the other has
-# several restarts and, as the figures, 1024³ cells, which are {glue:text}`paper_size_cell` wide; a pixel at
-# the far end is {glue:text}`paper_size_pixel` wide. {doc}`01_simulations` compares the two boxes.
+# has PySM's of nside 512; {doc}`../book/conventions` lists the others. One ledger has the paper's HI box of
+# 2048³ cells and a single run of SDecGMCA, the other has several restarts and, as the figures, 1024³ cells,
+# which are {glue:text}`paper_size_cell` wide; a pixel at the far end is {glue:text}`paper_size_pixel` wide.
+# {doc}`01_simulations` compares the two boxes.
 #
-# The results are stored in `book/results`; {doc}`../book/contributing` has the commands and {doc}`19_scale` the
-# times.
+# The results are stored in `book/results`; {doc}`../book/contributing` has the commands and {doc}`19_scale`
+# the times.
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
