@@ -58,6 +58,7 @@ from himap.cubes.suggestion import advice, views_figure
 from himap.figures.numbers import show, show_table
 from himap.instrument.beams import named
 from himap.measures import diagnostics
+from himap.measures.n_sources import STABLE
 from himap.paper.methods import paper_beams
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
@@ -131,9 +132,10 @@ print(advice(suggestion))
 least = suggestion.n_sources[suggestion.criterion.argmin()]
 show(
     {
-        "eigenvalues that stand out": suggestion.n_bright,
+        "eigenvalues above HI and noise": suggestion.n_bright,
         "number of sources of the least criterion": int(least),
-        "first number after which the spectra hardly move": suggestion.stable or "none",
+        f"first number after which the spectra change by less than {100 * STABLE:g} %": suggestion.stable
+        or "none",
     }
 )
 
@@ -210,7 +212,7 @@ show_table({f"{n} sources": errors_of(compared(clean_cube(cube, "pca", n_sources
 #
 # BeamSubspace includes the beam in its model. It cleans the same sky without the gap, with the number of
 # eigenvalues that exceed HI and noise at one resolution; PCA has the number from above. On the command line:
-# `himap clean whole.fits --freqs freqs.txt --method beam_subspace --beam oscillating -p n_sources=3`.
+# `himap clean whole.fits --freqs freqs.txt --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.fits`.
 
 # %%
 hp.write_map(folder / "whole.fits", observation.maps[order] / 1e3, column_units="K", dtype=np.float32)

@@ -226,7 +226,7 @@ def modes_figure(cleaned):
     numbers, mixing = np.arange(1, len(before) + 1), cleaned.separation.mixing
     looks = styles.sequence([f"source {n + 1}" for n in range(mixing.shape[1])])
     curves = [
-        (numbers, before, {"label": "as it came", "color": styles.VERMILION}),
+        (numbers, before, {"label": "observed", "color": styles.VERMILION}),
         (numbers, np.maximum(after, before.min() * _FAINT), _CLEANED),
     ]
     sources = {
