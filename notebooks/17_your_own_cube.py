@@ -123,7 +123,7 @@ except InputError as error:
 # little. `himap suggest` recommends the number on which the first two agree; if they do not, the third
 # decides whether it recommends any. {doc}`22_how_many` measures how often each is right.
 
-# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, linear below 1 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
+# %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, linear below 2 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
 study.stamped(views_figure(suggestion), beam=selected, missing=missing)
 
