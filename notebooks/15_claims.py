@@ -121,6 +121,7 @@ reproduced, in_part, undecided, failed, inapplicable = summary(recorded).values(
 of_sd = summary(entry for entry in recorded if entry.about_sd)
 of_others = summary(entry for entry in recorded if not entry.about_sd)
 main_parts = {entry.claim.id: entry.main_shares for entry in recorded}
+runs = next(entry.members for entry in recorded if entry.claim.id == "V7")
 
 
 def share(claim):
@@ -149,6 +150,7 @@ quote(
     claims_a1_share=share("A1"),
     claims_a2_share=share("A2"),
     claims_m1_share=share("M1"),
+    claims_failing=f"{round(len(runs) * (1 - main_parts['V7']['mean'].min()))} of {len(runs)}",
 )
 
 # %% [markdown]
