@@ -22,8 +22,8 @@
 #
 # A survey observes the middle of a patch longer than its edge, and loses channels and voxels to interference.
 # This chapter simulates one about as large as a field of MeerKLASS, in its band ({cite:t}`cunnington2023`,
-# {cite:t}`meerklass2025`) and through the beam of MeerKAT, and cleans it by PCA and polynomials: with weights
-# and flags, with flags alone, and with neither. On the command line:
+# {cite:t}`meerklass2025`) and through a Gaussian beam of MeerKAT's width, and cleans it by PCA and
+# polynomials: with weights and flags, with flags alone, and with neither. On the command line:
 #
 # ```sh
 # himap clean cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --keep-peaks -o cleaned.h5
@@ -297,7 +297,7 @@ def over_truth(found):
     return {key: {kind: one[kind][1] / true[kind][1] for kind in true} for key, one in found.items()}
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "C/C0 (left) and P/P0 (right) of the residual, for each method (rows)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-left", "caption": "C/C0 (left) and P/P0 (right) of the residual, for each method (rows); linear near 1 and logarithmic beyond. Grey band: 10 %."}}
 study.stamped(ratios_figure(over_truth(spectra), "residual / truth"), beam=selected, patch=patch)
 
 # %% [markdown]
@@ -336,7 +336,7 @@ corrected = {
     for key in residuals
 }
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "C/C0 (left) and P/P0 (right) divided by the transfer function, for each method (rows)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-corrected", "caption": "C/C0 (left) and P/P0 (right) divided by the transfer function, for each method (rows); linear near 1 and logarithmic beyond. Grey band: 10 %."}}
 study.stamped(ratios_figure(corrected, "corrected / truth"), beam=selected, patch=patch, n_mocks=n_mocks)
 
 # %% [markdown]
@@ -418,7 +418,7 @@ quote(
 #   HI, which a few components cannot describe.
 # - **Weights trade noise for signal.** They keep the noise of the edge out of the components, which adapt
 #   more closely to fewer pixels: correct the signal loss.
-# - **A small patch loses more signal** than the full sky; mocks through the same gaps measure it.
+# - **Signal loss is larger for a small patch** than for the full sky; mocks through the same gaps measure it.
 # - **Fits are less sensitive to gaps**, and not to weights of pixels, since each line of sight is fitted
 #   separately. The residual of the {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at
 #   small $k_\nu$ through this beam.

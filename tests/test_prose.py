@@ -55,7 +55,7 @@ DEFINED = {
     "notebooks/23_thresholds.py": "10 %, 1 %",
     "notebooks/24_masks.py": "40 %",
     "notebooks/25_side_by_side.py": "10 %, 1 %",
-    "notebooks/26_a_survey.py": "100 %",
+    "notebooks/26_a_survey.py": "100 %, 10 %",
     "notebooks/27_restarts.py": "10 %, 5 %, three times, ten thousand times",
 }
 """{page: numbers that it may type}: of axes and colours, of the instrument, of presets, of the paper."""
