@@ -281,7 +281,7 @@ quote(
 # ## What follows
 #
 # - At the paper's size every step fits a machine with two cores.
-# - Most steps are near or faster than the usual tools.
+# - Most steps are as fast as the usual tools or faster.
 #
 # ## Exercise
 #
