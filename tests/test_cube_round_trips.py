@@ -264,7 +264,7 @@ def test_how_many_sources_are_left_in_what_was_cleaned(tmp_path):
         target = tmp_path / f"c_{name}.{ending}"
         save_cleaned(clean_cube(read_cube(tmp_path / name), "pca", n_sources=1), target)
         done = run("suggest", target, "--to", 3)
-        assert "eigenvalues stand above HI and noise" in done.output
+        assert "eigenvalues exceed HI and noise" in done.output
 
 
 def test_as_many_channels_as_a_sphere_has_pixels(tmp_path, rng):

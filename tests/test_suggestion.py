@@ -43,7 +43,7 @@ class TestSuggestion:
         assert found.n_bright == found.stable == found.n_sources[found.criterion.argmin()] == n_components
         assert found.range == (n_components, n_components)
         assert f"For pca, consider n_sources = {n_components}, by both" in suggestion.advice(found)
-        assert suggestion.advice(found).endswith("this method alone: ask again for one that knows the beam.")
+        assert suggestion.advice(found).endswith("this method alone: run it again for a beam-aware method.")
 
     @pytest.mark.parametrize("share", [0, 0.3])
     def test_spectra_by_difference_those_of_another_number(self, share, maps, rng, tmp_path):
@@ -76,7 +76,7 @@ class TestSuggestion:
         assert "For beam_subspace with a beam of 10 to 16 deg FWHM, consider n_sources = 2, by both" in (
             suggestion.advice(knowing)
         )
-        assert suggestion.advice(knowing).endswith("this method and beam alone: ask again for others.")
+        assert suggestion.advice(knowing).endswith("this method and beam alone: run it again for others.")
 
     def test_on_a_part_of_the_sky_the_criterion_alone_counts_for_a_method_that_knows_the_beam(self, tmp_path):
         """There eigenvalues have what the beam adds, as for PCA."""
@@ -95,7 +95,7 @@ class TestSuggestion:
         [(True, 0.03, (4, 4)), (True, 0.2, (3, 4)), (False, 0.03, (3, 4))],
     )
     def test_where_the_views_differ(self, knows_beam, change, expected):
-        """The criterion, of what a method leaves, decides where the spectra hardly move after its number."""
+        """The criterion, of what a method leaves, decides where spectra change little after its number."""
         found = made_up(
             n_sources=np.arange(2, 7),
             criterion=np.array([5, 0.2, 0, 0.1, 0.2]),
@@ -132,7 +132,7 @@ class TestSuggestion:
         assert "For pca, consider n_sources = 2, by both criteria." in done.output
         assert page.read_text().count("<img alt=") == 1
         done = run("suggest", path, "--method", "beam_subspace", "--beam", "oscillating", "--to", 4)
-        assert "2 eigenvalues stand above HI and noise." in done.output
+        assert "2 eigenvalues exceed HI and noise." in done.output
 
     def test_numbers_that_are_not_whole(self, maps, tmp_path):
         with pytest.raises(InputError, match="n_sources must be a whole number"):

@@ -39,9 +39,9 @@ _WEDGE = (
     "above them."
 )
 _MODES = (
-    "Foreground components stand above the slow decline of HI and noise. Cleaned eigenvalues that stand "
-    "out still mean too few sources; spectra that are one spike mean too many. The last eigenvalues "
-    "after cleaning, as many as there were sources, are zero but for rounding."
+    "Foreground components exceed the slow decline of HI and noise. Cleaned eigenvalues above HI and "
+    "noise mean too few sources; spectra that are one spike mean too many. The last eigenvalues after "
+    "cleaning, as many as there were sources, are zero but for rounding."
 )
 _MAPS = (
     "HI and noise look alike in all directions. Structure that follows the Galaxy or point sources is "

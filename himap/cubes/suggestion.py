@@ -2,7 +2,7 @@
 
 Eigenvalues
     Of the channel covariance: HI and noise decline slowly and evenly with the number of the component,
-    foregrounds stand above that line. For a method that knows the beam the covariance is that of maps at one
+    foregrounds exceed that line. For a method that knows the beam the covariance is that of maps at one
     resolution, of the worst channel, where the components that a changing beam adds are none.
 Information criterion
     Bayesian (BIC), for any method: ln of the variance left, in the mean over channels, plus ln(n_pix) / n_pix
@@ -50,14 +50,14 @@ class Suggestion:
     eigenvalues, line
         Of the channel covariance, and the line of HI and noise below them, (n_channels,), mK^2.
     n_bright
-        How many eigenvalues stand above the line.
+        How many eigenvalues exceed the line.
     criterion
         BIC over the number of pixels and channels, less its least, (n,).
     change
         Largest relative change of C_l (of images P(k_perp, k_par)) and P(k), in the mean over scales, to the
         next n_s, (n - 1,).
     stable
-        The first number from which the spectra hardly move to the next, or None.
+        The first number from which the spectra change by less than `STABLE` to the next, or None.
     method
         Name of the method that it is for.
     at_one_resolution
@@ -89,8 +89,9 @@ class Suggestion:
     def criterion_alone(self):
         """Whether the criterion decides, for a method that knows the beam.
 
-        It is of what that method leaves. So it does where the spectra hardly move with one source more than
-        it says, or where the eigenvalues are not at one resolution and have what the beam adds.
+        It is of what that method leaves. So it does where the spectra change by less than `STABLE` with one
+        source more than it says, or where the eigenvalues are not at one resolution and have what the beam
+        adds.
         """
         moves = self.change[self.n_sources[:-1] == self.best]
         return self.widths is not None and (not self.at_one_resolution or bool((moves < STABLE).any()))
@@ -114,7 +115,7 @@ class Suggestion:
 def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **parameters):
     """Which numbers of sources to consider for a cube, without the truth.
 
-    Recommended is what the least criterion and the eigenvalues that stand out say, one number where they
+    Recommended is what the least criterion and the eigenvalues above HI and noise say, one number where they
     agree; none where they do not and no number leaves both spectra as they are with one more, to 10 %. It is
     for this method and beam only. For a method that knows the beam, eigenvalues of a whole sky are those of
     the maps at the resolution of the worst channel, to l = 2 nside, and where they disagree the criterion
@@ -178,9 +179,9 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     if knows_beam:
         fwhm = np.rad2deg(gaussian_widths(beams))
         widths = float(fwhm.min()), float(fwhm.max())
-    # The edge of a part of the sky would stand out too, once maps are re-convolved.
+    # The edge of a part of the sky would exceed the line too, once maps are re-convolved.
     at_one = knows_beam and cube.whole_sky
-    if cube.weights is not None:  # what more sources than that make of noise in a gap would stand out
+    if cube.weights is not None:  # what more sources than that make of noise in a gap would exceed the line
         best = separations[counts[criterion.argmin()]]
         values = np.linalg.eigvalsh(seen_covariance(cube.maps, cube.weights, best))[::-1]
     elif at_one:
@@ -225,11 +226,11 @@ def advice(suggestion):
         numbers = f"{low}, by what this method leaves"
     else:
         numbers = f"{low}, by both criteria"
-    method, only = suggestion.method, "this method alone: ask again for one that knows the beam"
+    method, only = suggestion.method, "this method alone: run it again for a beam-aware method"
     if suggestion.widths is not None:
         least, most = suggestion.widths
         method = f"{method} with a beam of {least:.3g} to {most:.3g} deg FWHM"
-        only = "this method and beam alone: ask again for others"
+        only = "this method and beam alone: run it again for others"
     sentences = [f"For {method}, consider n_sources = {numbers}."]
     last = np.flatnonzero(suggestion.n_sources == high)[0]
     if last < len(suggestion.change):
@@ -288,8 +289,9 @@ def views_figure(suggestion):
 def write_suggestion(suggestion, path, *, said=()):
     """Write a page with the three views of a `Suggestion`, and sentences, what was assumed."""
     text = (
-        "Foregrounds stand above the line. The criterion falls while a source explains more than it costs. "
-        "Spectra that hardly move with one more source, below the dashed line, do not depend on the choice."
+        "Foregrounds exceed the line. The criterion falls while a source explains more than it costs. "
+        f"Spectra that change by less than {100 * STABLE:g} % with one more source, below the dashed line, "
+        "do not depend on the choice."
     )
     if suggestion.weighted:
         text += (

@@ -20,7 +20,7 @@ from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_
 
 @dataclass(frozen=True, kw_only=True)
 class Corrected:
-    """One spectrum of a cleaned cube, corrected for what cleaning takes and leaves.
+    """One spectrum of a cleaned cube, corrected for signal loss and foreground residual.
 
     Attributes
     ----------

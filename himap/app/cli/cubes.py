@@ -152,11 +152,11 @@ def clean(asked):
     option("--truth", metavar="CUBE", help="What a perfect cleaning would leave."),
     option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra next to it, .csv."),
     *MOCKS,
-    short_help="Measure what cleaning takes of CUBE, and correct its spectra.",
+    short_help="Measure the signal loss and foreground residual of CUBE, and correct its spectra.",
 )
 def transfer(asked):
-    """Correct the spectra of CUBE for what cleaning takes and leaves, by mocks of HI; ten unless --mocks says
-    otherwise.
+    """Correct the spectra of CUBE for signal loss and foreground residual, by mocks of HI; ten unless --mocks
+    says otherwise.
 
     \b
     himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html
@@ -190,7 +190,7 @@ def _cleaned(asked):
         _tell(
             asked,
             f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
-            "`himap suggest` says how many this cube asks for.",
+            "`himap suggest` can suggest a number.",
         )
     cube = _with_frames(asked, cube)
     true = None if asked.truth is None else read_truth(asked.truth, cube=cube, **asked.reading)
@@ -302,7 +302,7 @@ def suggest(asked):
     options = {"n_sources": range(least, most + 1), "beams": beams, "peaks": asked.peaks}
     result = suggestion.suggest(cube, asked.method, **options, **asked.parameters)
     click.echo(suggestion.suggestion_table(result))
-    click.echo(f"{result.n_bright} eigenvalues stand above HI and noise. {suggestion.advice(result)}")
+    click.echo(f"{result.n_bright} eigenvalues exceed HI and noise. {suggestion.advice(result)}")
     if page is not None:
         _write(asked, [page], functools.partial(suggestion.write_suggestion, result, said=asked.said))
 
