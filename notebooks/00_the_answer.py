@@ -240,7 +240,8 @@ Markdown(picture(large, "fig-ns-scan-mse", folder))
 # %% [markdown]
 # **The result is sensitive to the number of sources.** With too few the residual contains foreground; with
 # too many PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scans of
-# the ledgers end at 8; in the figure, with one restart, the error is larger beyond 8, as in the paper.
+# the ledgers end at 8, that at the paper's size with one run for each number; in the figure, with one restart,
+# the error is larger beyond 8, as in the paper.
 # {doc}`22_how_many` chooses the number without the truth.
 #
 # ## 5. Masks
