@@ -55,7 +55,7 @@ def test_what_made_a_figure_stays_with_it_but_no_path(gathered):
     for row in rows_of(folder):
         assert row["parameters"] == {"preset": "paper", "galaxy": "templates"}
         assert row["execution"] == execution and execution["commit"]
-        assert row["code"] == stamp["fingerprint"]
+        assert row["code"] == stamp["fingerprint"]  # as its notebook is not that of today
         with Image.open(folder / f"{row['name']}.png") as picture:
             assert picture.width > 500
     assert "somewhere" not in (folder / "figures.json").read_text()

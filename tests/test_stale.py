@@ -2,7 +2,7 @@
 
 Methods and beams are loaded by name in some places and named as classes in others. What an edit must make
 stale is in the tables below: chapters by their number, and the experiments by name.
-Stored figures are stale with their chapter (test_staleness.py). Edits are texts in memory.
+Stored figures are stale with the code behind them (test_staleness.py). Edits are texts in memory.
 """
 
 import ast

@@ -8,6 +8,8 @@ import pytest
 from himap.app import stored
 from himap.app.notebooks import find
 from himap.app.stored import stale_results, stored_results
+from himap.store.fingerprint import CodeTree
+from himap.store.sources import behind
 
 RESULTS = Path(__file__).resolve().parents[1] / "book" / "results"
 NOTEBOOK = """\
@@ -33,12 +35,14 @@ def folders(tmp_path, monkeypatch):
     (tmp_path / "notebooks").mkdir()
     (tmp_path / "notebooks" / "01_toy.py").write_text(NOTEBOOK)
     (tmp_path / "results" / "paper_a").mkdir(parents=True)
-    today = find("01", tmp_path / "notebooks").fingerprint()
+    toy = find("01", tmp_path / "notebooks")
+    codes = {name: toy.figure_fingerprint(name) for name in toy.captions}
 
     def write(*, about=None, figures=("fig-a", "fig-b"), text=NOTEBOOK, **changed):
         (tmp_path / "notebooks" / "01_toy.py").write_text(text)
         rows = [
-            {"name": name, "parameters": {"preset": "paper"}, "execution": RUN, "code": today} | changed
+            {"name": name, "parameters": {"preset": "paper"}, "execution": RUN, "code": codes.get(name)}
+            | changed
             for name in figures
         ]
         about = about or ABOUT | {"code": TODAY}
@@ -70,7 +74,8 @@ def test_what_made_a_result(folders):
     ("made", "expected"),
     [
         ({}, {}),
-        ({"text": NOTEBOOK.replace("2 + 2", "2 + 3")}, {"paper_a": "fig-a, fig-b"}),
+        ({"text": NOTEBOOK.replace("2 + 2", "2 + 3")}, {"paper_a": "fig-b"}),
+        ({"text": NOTEBOOK.replace("1 + 1", "1 + 3")}, {"paper_a": "fig-a"}),
         ({"about": ABOUT | {"code": "other"}}, {"claims_a": "claims"}),
         ({"about": ABOUT | {"code": "other", "checked": CHECKED}}, {}),
         ({"about": ABOUT | {"code": TODAY, "checked": CHECKED | {"code": "older"}}}, {"claims_a": "claims"}),
@@ -85,6 +90,47 @@ def test_results_of_other_code_are_stale(folders, made, expected):
     """Those of no known code too, and figures that no notebook has any more; timings have no state."""
     found = stale_results(*folders(**made))
     assert found == {name: f"the code behind {what} changed" for name, what in expected.items()}
+
+
+CELLS = """\
+from a import f, g
+wide = [other for other in range(3)]
+rows = {}
+def double(x): return factor * x
+other = double(wide)
+
+factor = 2
+rows["a"] = other
+show(rows)
+
+for n in range(2):
+    rows.update(n=n)
+unused = f(other)
+
+g(rows)
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "is_stale"),
+    [
+        ("range(3)", "range(4)", True),  # through several names
+        ("factor = 2", "factor = 3", True),  # of a function, made after it
+        ('rows["a"] = other', 'rows["b"] = other', True),
+        ("rows.update(n=n)", "rows.update(m=n)", True),
+        ("import f, g", "import f, h as g", True),
+        ("unused = f(other)", "unused = f(wide)", False),
+        ("show(rows)", "show(wide)", False),  # is shown, and changes nothing
+        ("import f, g", "import f, g, h", False),
+    ],
+)
+def test_what_is_behind_a_cell(old, new, is_stale):
+    assert CELLS.count(old) == 1
+    cells = CELLS.replace(old, new)
+    assert (behind(*CELLS.split("\n\n")) != behind(*cells.split("\n\n"))) == is_stale or "import" in old
+    tree = CodeTree()
+    codes = [tree.source_fingerprint(behind(*text.split("\n\n"))) for text in (CELLS, cells)]
+    assert (codes[0] != codes[1]) == is_stale
 
 
 def test_those_in_the_book():

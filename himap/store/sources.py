@@ -170,7 +170,16 @@ def behind(*cells):
     while new := {n for n, one in enumerate(rest) if n not in behind and _changed_by(*one) & names}:
         behind |= new
         names |= _names_in(rest[n][0] for n in new)
-    return "\n".join(map(ast.unparse, [*(rest[n][0] for n in sorted(behind)), *last]))
+    used = [_import_of(rest[n][0], names) for n in sorted(behind)]
+    return "\n".join(map(ast.unparse, [*used, *last]))
+
+
+def _import_of(node, names):
+    """An import of these names alone; any other statement as it is."""
+    if not isinstance(node, IMPORTS):
+        return node
+    used = [alias for alias in node.names if bound_name(alias) in names]
+    return type(node)(**dict(ast.iter_fields(node)) | {"names": used})
 
 
 def _names_in(nodes):
