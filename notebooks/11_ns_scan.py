@@ -323,7 +323,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # ## The spectra
 #
 # Ratios above 1 are foreground residual, ratios below 1 lost HI. With 3, 4 and 10 sources there is foreground
-# residual on all scales. With 5, 6 and 7 the loss at low $k_\nu$ and low $\ell$ grows with $n_s$. In the paper
+# residual on most scales. With 5, 6 and 7 there is loss at low $k_\nu$ and low $\ell$, least with 5. In the paper
 # fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
 
 
@@ -405,9 +405,9 @@ quote(
 # $\ell$.
 #
 # For PCA the excess falls steeply and the loss grows slowly with $n_s$; in the right panel its $P/P_0$
-# follows the dotted line and its $C/C_0$ falls faster. For SDecGMCA the loss grows up to
-# $n_s = 7$; with more sources the returning excess hides it, as only the net ratio is split. The right panel has
-# only numbers of sources with little excess.
+# follows the dotted line and its $C/C_0$ falls faster. For SDecGMCA the loss first grows with $n_s$; with more
+# sources the returning excess hides it, as only the net ratio is split. The right panel has only numbers of
+# sources with little excess.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; zeros are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source."}}
 
