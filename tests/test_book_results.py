@@ -188,9 +188,9 @@ def test_ledgers_stand_side_by_side():
     ((head, *rows, last),) = tables(ledgers_table(columns))
     assert head[3:] == ["ci, 1 sky, one run", "ci, letter, 1 sky, one run"]
     smoothed = ledger_of(REPRODUCED, overrides=[("r_smooth", 2.0), ("box_cells", 64)])
-    assert "ci, HI box of 64³ cells, HI smoothed by 2 Mpc/h, 1 sky" in ledgers_table([columns[0], smoothed])
+    assert "ci, HI box of 64³ cells, HI smoothed by 2 Mpc/h, 1 sky, one run" in ledgers_table([columns[0], smoothed])
     named = ledgers_table([ledger_of(FAILED, overrides=[("reading", "default")])])
-    assert tables(named)[0][0][3:] == ["ci, 1 sky"]  # as records of restarts state it
+    assert tables(named)[0][0][3:] == ["ci, 1 sky, one run"]  # as records of restarts state it
     assert [row[0].strip("*") for row in rows] == ["D1", "O3", "M2"]
     assert rows[0][3:] == [
         "✗ 0.25<br>holds in: PCA/ICA a 0% (0% to 50%); SD a 0% (0% to 50%)",
@@ -218,7 +218,7 @@ def test_what_ledgers_have_in_common_is_said_once():
     assert shared.startswith("*All: ci · synthetic Galaxy · seed ") and "ci ·" not in first + second
     assert second.startswith("*ci, letter, 1 sky, one run: reading = letter")
     alone = ledgers_table([(entries, about)]).split("\n\n")
-    assert len(alone) == 2 and alone[1].startswith("*ci, 1 sky: ci · synthetic Galaxy · ")
+    assert len(alone) == 2 and alone[1].startswith("*ci, 1 sky, one run: ci · synthetic Galaxy · ")
     real = about | {"preset": "laptop", "galaxy": "templates (nside 64)"}
     ((head, *_),) = tables(ledgers_table([(entries, about), (entries, real)]))
     assert head[3:] == ["ci, synthetic Galaxy, 1 sky", "half size, real Galaxy, 1 sky"]

@@ -66,7 +66,7 @@ class TestReadings:
     def test_departures_are_from_what_the_text_says(self):
         there = readings()
         assert there["letter"].departures == there["instrument-noise"].departures == {}
-        assert len(there["code"].departures) == 6 and there["code"].departures["sign"] == "free"
+        assert len(there["code"].departures) == 5 and there["code"].departures["sign"] == "free"
         assert all(set(option.against) < set(option.choices) for option in OPTIONS.values())
 
     @pytest.mark.parametrize(
