@@ -188,24 +188,26 @@ def test_ledgers_stand_side_by_side():
     ((head, *rows, last),) = tables(ledgers_table(columns))
     assert head[3:] == ["ci, 1 sky, one run", "ci, letter, 1 sky, one run"]
     smoothed = ledger_of(REPRODUCED, overrides=[("r_smooth", 2.0), ("box_cells", 64)])
-    assert "ci, HI box of 64³ cells, HI smoothed by 2 Mpc/h, 1 sky, one run" in ledgers_table([columns[0], smoothed])
+    assert "ci, HI box of 64³ cells, HI smoothed by 2 Mpc/h, 1 sky, one run" in ledgers_table(
+        [columns[0], smoothed]
+    )
     named = ledgers_table([ledger_of(FAILED, overrides=[("reading", "default")])])
     assert tables(named)[0][0][3:] == ["ci, 1 sky, one run"]  # as records of restarts state it
     assert [row[0].strip("*") for row in rows] == ["D1", "O3", "M2"]
     assert rows[0][3:] == [
-        "✗ 0.25<br>holds in: PCA/ICA a 0% (0% to 50%); SD a 0% (0% to 50%)",
-        "✓ 0.25",
+        "one run, ✗ 0.25<br>holds in: PCA/ICA a 0% (0% to 50%); SD a 0% (0% to 50%)",
+        "one run, ✓ 0.25",
     ] and rows[2][3:] == 2 * ["– does not apply"]
     assert last[3:] == ["✓ 1 · ✗ 1 · – 1", "✓ 2 · – 1"]
     ((_, *rows),) = tables(ledgers_table(columns, lambda judged: judged[0].claim.id == "O3"))
     assert [row[0].strip("*") for row in rows] == ["O3"]
     older = columns[1][0][:1], columns[1][1]  # it may lack a claim
     ((_, *rows, last),) = tables(ledgers_table([columns[0], older]))
-    assert [row[4] for row in rows] == ["✓ 0.25", "not judged", "not judged"] and last[4] == "✓ 1"
+    assert [row[4] for row in rows] == ["one run, ✓ 0.25", "not judged", "not judged"] and last[4] == "✓ 1"
     ((_, *rows),) = tables(verdicts_table(columns))
     assert [row[1:] for row in rows] == [
-        ["1 sky", "1", "0", "0", "1", "1"],
-        ["1 sky", "2", "0", "0", "0", "1"],
+        ["1 sky, one run", "1", "0", "0", "1", "1"],
+        ["1 sky, one run", "2", "0", "0", "0", "1"],
     ]
     parts = [entry(IN_PART, IN_PART), entry(*[REPRODUCED] * 9, FAILED, id="O3")]
     ((_, *rows, _),) = tables(ledgers_table([(parts, columns[0][1])]))
@@ -221,7 +223,7 @@ def test_what_ledgers_have_in_common_is_said_once():
     assert len(alone) == 2 and alone[1].startswith("*ci, 1 sky, one run: ci · synthetic Galaxy · ")
     real = about | {"preset": "laptop", "galaxy": "templates (nside 64)"}
     ((head, *_),) = tables(ledgers_table([(entries, about), (entries, real)]))
-    assert head[3:] == ["ci, synthetic Galaxy, 1 sky", "half size, real Galaxy, 1 sky"]
+    assert head[3:] == ["ci, synthetic Galaxy, 1 sky, one run", "half size, real Galaxy, 1 sky, one run"]
 
 
 def test_every_figure_is_shown_with_what_made_it():
