@@ -327,9 +327,8 @@ quote(
 # The paper describes $R_\ell$ as averaged over channels and its variance as that over channels; only the
 # latter is possible. It is zero for an error that all channels share, and a single channel can dominate it.
 #
-# Between the grey lines, where the paper has SDecGMCA lowest, its median is lowest at the lower and the highest
-# $\ell$, and above those of PCA and GMCA between. The table has means over these $\ell$ (of the variance the
-# geometric mean).
+# Between the grey lines, where the paper has SDecGMCA lowest, so it is here at {glue:text}`diagnostics_smallest`
+# of the multipoles. The table has means over these $\ell$ (of the variance the geometric mean).
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 of each channel against multipole, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. Grey lines: the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
