@@ -164,22 +164,24 @@ def behind(*cells):
     Those are the names in it, and in what is behind it. A statement changes what it assigns to, also in a
     part, and what it calls a method of where it is not the last of its cell, which is shown.
     """
-    *before, last = map(_statements, cells)
-    rest = [(node, node is not cell[-1]) for cell in before for node in cell]
-    behind, names = set(), _names_in(last)
-    while new := {n for n, one in enumerate(rest) if n not in behind and _changed_by(*one) & names}:
+    *before, last = cells
+    parsed = [(cell, _statements(cell)) for cell in before]
+    rest = [(node, cell) for cell, nodes in parsed for node in nodes]
+    changed = [_changed_by(node, node is not nodes[-1]) for _, nodes in parsed for node in nodes]
+    behind, names = set(), _names_in(_statements(last))
+    while new := {n for n, some in enumerate(changed) if n not in behind and some & names}:
         behind |= new
         names |= _names_in(rest[n][0] for n in new)
-    used = [_import_of(rest[n][0], names) for n in sorted(behind)]
-    return "\n".join(map(ast.unparse, [*used, *last]))
+    return "\n".join([*(_text_of(*rest[n], names) for n in sorted(behind)), last])
 
 
-def _import_of(node, names):
-    """An import of these names alone; any other statement as it is."""
-    if not isinstance(node, IMPORTS):
-        return node
-    used = [alias for alias in node.names if bound_name(alias) in names]
-    return type(node)(**dict(ast.iter_fields(node)) | {"names": used})
+def _text_of(node, cell, names):
+    """The text of a statement of a cell; of an import that of these names alone."""
+    if isinstance(node, IMPORTS):
+        used = [alias for alias in node.names if bound_name(alias) in names]
+        return ast.unparse(type(node)(**dict(ast.iter_fields(node)) | {"names": used}))
+    first = min(one.lineno for one in [node, *getattr(node, "decorator_list", ())])
+    return "\n".join(cell.splitlines()[first - 1 : node.end_lineno])
 
 
 def _names_in(nodes):
