@@ -24,6 +24,7 @@ from himap.app.notebook_files import (
     read_notebook,
     write_notebook,
 )
+from himap.app.notebooks import find
 from himap.figures.numbers import QUOTED
 from himap.maps.healpix_io import write_maps
 
@@ -55,7 +56,7 @@ def test_what_made_a_figure_stays_with_it_but_no_path(gathered):
     for row in rows_of(folder):
         assert row["parameters"] == {"preset": "paper", "galaxy": "templates"}
         assert row["execution"] == execution and execution["commit"]
-        assert row["code"] == stamp["fingerprint"]  # as its notebook is not that of today
+        assert row["code"] == find("10_results").figure_fingerprint(row["name"])
         with Image.open(folder / f"{row['name']}.png") as picture:
             assert picture.width > 500
     assert "somewhere" not in (folder / "figures.json").read_text()
@@ -114,6 +115,11 @@ def test_notebooks_without_such_figures_are_told(tmp_path):
 
 WHOLE = "Pearson r, for six methods (the paper's Fig. A.1). Left: all."
 SHARE = "Angular power spectrum. (PCA's share of the paper's Fig. 1.)"
+
+
+def test_a_whole_caption_has_no_roles():
+    caption = "One (the paper's Fig. 2). {glue:text}`n` of them ([readings](a)). Grey: 10 %."
+    assert (plain_caption(caption), plain_caption(caption, whole=True)) == ("One", "One. Grey: 10 %")
 
 
 @pytest.mark.parametrize(

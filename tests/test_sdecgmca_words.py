@@ -32,7 +32,7 @@ SILENT = (
         (
             of_sdecgmca,
             {"reading": "code"},
-            "“code”: the paper's text except for 6 choices and, where it is silent, smallest eigenvalue",
+            "“code”: the paper's text except for 5 choices and, where it is silent, smallest eigenvalue",
         ),
         (of_sdecgmca, {"reading": "follow-up"}, "its regularised inversion is continued beyond ℓ = 128"),
         (
@@ -43,7 +43,7 @@ SILENT = (
         (
             in_short,
             {},
-            "“default” (the text except for 7 choices, with floor = 1e-09, last = repeated), continued",
+            "(the text except for 6 choices, with floor = 1e-09, start_channel = first, last = repeated), continued",
         ),
         (
             in_short,
