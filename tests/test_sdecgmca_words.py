@@ -43,7 +43,7 @@ SILENT = (
         (
             in_short,
             {},
-            "(the text except for 6 choices, with floor = 1e-09, start_channel = first, last = repeated), con",
+            "(the text except for 6 choices, with floor = 1e-09, start_channel = first, last = repeated),",
         ),
         (
             in_short,
