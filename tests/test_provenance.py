@@ -29,6 +29,8 @@ def test_provenance_names_what_differs_from_the_preset():
     assert str(made).endswith(" · 61 s")
     stored = json.loads(json.dumps(asdict(made) | {"code": "abc", "size": 3}))
     assert Provenance.of_stored(stored).footer() == made.footer()
+    grown = Provenance.of_stored(stored | {"grown": ["abc1234"]}).footer()  # its time is not that of all
+    assert made.footer().startswith(grown) and len(grown) < len(made.footer())
 
 
 def test_the_volatile_part_is_the_commit_and_the_time():

@@ -101,6 +101,7 @@ other = double(wide)
 
 factor = 2
 rows["a"] = other
+shown = {rows: 1 for rows in wide}
 show(rows)
 
 for n in range(2):
@@ -120,6 +121,7 @@ g(rows)
         ("rows.update(n=n)", "rows.update(m=n)", True),
         ("import f, g", "import f, h as g", True),
         ("unused = f(other)", "unused = f(wide)", False),
+        ("1 for rows in wide", "2 for rows in wide", False),  # which is a name of the comprehension
         ("show(rows)", "show(wide)", False),  # is shown, and changes nothing
         ("import f, g", "import f, g, h", False),
     ],
@@ -127,7 +129,6 @@ g(rows)
 def test_what_is_behind_a_cell(old, new, is_stale):
     assert CELLS.count(old) == 1
     cells = CELLS.replace(old, new)
-    assert (behind(*CELLS.split("\n\n")) != behind(*cells.split("\n\n"))) == is_stale or "import" in old
     tree = CodeTree()
     codes = [tree.source_fingerprint(behind(*text.split("\n\n"))) for text in (CELLS, cells)]
     assert (codes[0] != codes[1]) == is_stale

@@ -143,8 +143,8 @@ class Cube:
         seen, layout, freqs, weights = kept[self.mask], self.layout.noted(remark), self.freqs, self.weights
         maps = self.maps[:, seen]
         if weights is not None:
-            weights = np.broadcast_to(weights, self.maps.shape)[:, seen]
-            some = weights.any(axis=1)
+            weights = weights[..., seen]
+            some = np.broadcast_to(np.atleast_2d(weights).any(axis=1), freqs.shape)
             if some.sum() < 2:
                 raise InputError("fewer than two channels have data in the pixels that are kept.")
             if not some.all():
