@@ -8,7 +8,6 @@ step cannot do without take on this machine, measured just before. A ratio above
 alternative takes longer.
 """
 
-import json
 import time
 from dataclasses import asdict
 from functools import wraps
@@ -16,11 +15,10 @@ from functools import wraps
 import click
 
 from benchmarks.floors import Machine
-from benchmarks.measure import measured
+from benchmarks.measure import measured, write_result
 from benchmarks.steps import STEPS, prepare
 from himap.app.parameters import parse_texts
 from himap.app.stored_tables import steps_table
-from himap.core.files import atomic_files
 from himap.core.survey import PRESETS, Survey
 from himap.instrument.beams import named
 from himap.paper import pipeline
@@ -82,9 +80,7 @@ def main(preset, case, only, alone, output):
         given = {"galaxy": case.galaxy, "preset": preset, "parameters": {"beam": str(case.beam)}}
         about = {"size": size} | asdict(Provenance.of(survey, **given, started=started))
         stored = {"about": about, "machine": asdict(machine), "steps": rows}
-        if output:  # after each, for the next may run out of memory
-            with atomic_files(output) as (temporary,):
-                temporary.write_text(json.dumps(stored, indent=1) + "\n")
+        write_result(output, stored)  # after each, for the next may run out of memory
     click.echo(f"\n{steps_table(stored)}")
 
 

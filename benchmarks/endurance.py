@@ -24,8 +24,8 @@ import h5py
 import numpy as np
 import psutil
 
+from benchmarks.measure import write_result
 from benchmarks.places import Place
-from himap.core.files import atomic_files
 from himap.core.survey import PRESETS
 from himap.store.provenance import Provenance
 
@@ -196,11 +196,9 @@ def main(kills, pairs, only, seed, output):
             disturb(trial)
             found[name] = {"undisturbed_seconds": trial.seconds, **dict(trial.counts)}
             click.echo(f"{name}: {found[name]}")
-            if output:  # after each, for the next takes long
-                about = asdict(Provenance.of(PRESETS["ci"], galaxy="synthetic", preset="ci", started=started))
-                about["overrides"] = [pair.split("=", 1) for pair in pairs]
-                with atomic_files(output) as (temporary,):
-                    temporary.write_text(json.dumps({"about": about, "found": found}, indent=1) + "\n")
+            about = asdict(Provenance.of(PRESETS["ci"], galaxy="synthetic", preset="ci", started=started))
+            about["overrides"] = [pair.split("=", 1) for pair in pairs]
+            write_result(output, {"about": about, "found": found})  # after each, for the next takes long
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """A step in a process of its own: its time, the memory of the process and its children, its alternative."""
 
+import json
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -7,6 +8,7 @@ from multiprocessing import get_context
 
 import psutil
 
+from himap.core.files import atomic_files
 from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
 from himap.removal.parametric import Parametric
@@ -26,6 +28,13 @@ class Measured:
     memory: int
     needs: object
     alternatives: list[tuple]
+
+
+def write_result(output, content):
+    """Write what was measured as JSON, whole or not at all; nothing where there is no `output`."""
+    if output:
+        with atomic_files(output) as (temporary,):
+            temporary.write_text(json.dumps(content, indent=1) + "\n")
 
 
 def memory_of(pid):

@@ -7,15 +7,13 @@ A shared machine changes its pace within minutes, so a probe of it is timed befo
 measurement, and costs are those at the quickest pace that was seen. The book's chapter on scale draws them.
 """
 
-import json
 from dataclasses import asdict, replace
-from pathlib import Path
 from time import perf_counter
 
 import click
 import numpy as np
 
-from benchmarks.measure import measured
+from benchmarks.measure import measured, write_result
 from benchmarks.steps import STEPS, prepare
 from himap.core.survey import PRESETS
 from himap.instrument.beams.paper import Oscillating
@@ -87,9 +85,8 @@ def measure(steps):
 def main(output, only):
     """Measure the steps at several sizes."""
     costs = measure([step for step in STEPS if not only or step.name in only])
-    if output:
-        about = asdict(Provenance.of(BASES["nside"], galaxy="synthetic", preset="ci", parameters={}))
-        Path(output).write_text(json.dumps({"about": about, "found": costs}, indent=1) + "\n")
+    about = asdict(Provenance.of(BASES["nside"], galaxy="synthetic", preset="ci", parameters={}))
+    write_result(output, {"about": about, "found": costs})
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ folder of its own, in the temporary folder of the machine, that is removed: some
 Notebooks and ledger stay if they get a folder.
 """
 
-import json
 import os
 import subprocess
 import sys
@@ -20,8 +19,7 @@ from pathlib import Path
 
 import click
 
-from benchmarks.measure import peak_memory
-from himap.core.files import atomic_files
+from benchmarks.measure import peak_memory, write_result
 from himap.core.survey import PRESETS, Survey
 from himap.sky.galaxy import SOURCES, Galaxy
 from himap.store.provenance import Provenance
@@ -58,14 +56,9 @@ def main(preset, galaxy, template_dir, jobs, n_restarts, folder, output):
             click.echo(f"{name:32}{rows[-1]['seconds']:7.0f} s {rows[-1]['memory_gb']:6.1f} GB")
     seconds, memory = sum(row["seconds"] for row in rows), max(row["memory_gb"] for row in rows)
     click.echo(f"{'all':32}{seconds:7.0f} s {memory:6.1f} GB")
-    if output:
-        parameters = {"jobs": jobs, "n_restarts": n_restarts}
-        made = Provenance.of(
-            Survey.preset(preset), galaxy=sky, preset=preset, parameters=parameters, started=started
-        )
-        content = {"about": asdict(made), "commands": rows, "seconds": seconds, "memory_gb": memory}
-        with atomic_files(output) as (temporary,):
-            temporary.write_text(json.dumps(content, indent=1) + "\n")
+    given = {"galaxy": sky, "preset": preset, "parameters": {"jobs": jobs, "n_restarts": n_restarts}}
+    about = asdict(Provenance.of(Survey.preset(preset), **given, started=started))
+    write_result(output, {"about": about, "commands": rows, "seconds": seconds, "memory_gb": memory})
 
 
 def _run(arguments, folder, cache):
