@@ -18,8 +18,8 @@ from himap.core.errors import InputError
 from himap.core.files import is_abandoned, run_folder, unfinished_name
 
 
-def folder(home, pid, host=None, prefix="himap"):
-    path = home / f"{prefix}-{host or socket.gethostname()}-{pid}-0123abcd"
+def folder(home, pid, host=None):
+    path = home / f"himap-{host or socket.gethostname()}-{pid}-0123abcd"
     path.mkdir()
     return path
 
