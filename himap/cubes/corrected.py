@@ -27,23 +27,30 @@ def in_bands(corrected):
 
 def remarks_on(corrected):
     """What the user should know of what `correct` gives, a list of sentences."""
-    remarks, ratios = [], _contradictions(corrected)
-    if most := [
-        name
-        for name, (one, inside) in in_bands(corrected).items()
-        if np.sum(one.foreground[inside]) > _MOST * np.sum(one.residual[inside])
-    ]:
+    places, most, ratios = in_bands(corrected), [], []
+    for name, (one, inside) in places.items():
+        if np.sum(one.foreground[inside]) > _MOST * np.sum(one.residual[inside]):
+            most.append(name)
+        # From the mocks it differs at `LEVEL`, by all errors; where little is lost, only what is more counts.
+        n_mocks = len(one.sample)
+        mean, bar, systematic, sample = _with_errors(one, inside)
+        expected = one.expected[inside].mean() / mean
+        sigma = np.linalg.norm([bar, systematic, sample * expected * np.sqrt(1 + 1 / n_mocks)])
+        chance = len(places) * chance_of(abs(1 - expected) / sigma, n_mocks)
+        if chance < LEVEL and (expected < 1 or one.share[inside].mean() < 1 - _LOST):
+            ratios.append(f"{name}: {1 / expected:.2g}")
+    remarks = []
+    if most:
         remarks.append(
             f"Most of the residual is foreground in {', '.join(most)}: remove more of it (`himap suggest` "
             "says how many sources)."
         )
     if ratios:
-        shown = ", ".join(f"{name}: {ratio:.2g}" for name, ratio in ratios.items())
         remarks.append(
-            f"The corrected power is not that of the mocks (over it, in {shown}). Where it is more, there "
-            "may be foreground residual that theirs does not have. Power that is lost entirely is known from "
-            "the mocks alone: if theirs has another shape, the correction is wrong. Give mocks like the data "
-            "(--mocks FILE)."
+            f"The corrected power is not that of the mocks (over it, in {', '.join(ratios)}). Where it is "
+            "more, there may be foreground residual that theirs does not have. Power that is lost entirely "
+            "is known from the mocks alone: if theirs has another shape, the correction is wrong. Give mocks "
+            "like the data (--mocks FILE)."
         )
     return remarks
 
@@ -52,23 +59,6 @@ def _with_errors(one, inside):
     """Mean corrected power in a band; relative to it the error bar, systematic error and sample variance."""
     mean, sample = one.corrected[inside].mean(), one.sigma([inside / inside.sum()], "sample")[0]
     return mean, *one.errors_in(inside), sample
-
-
-def _contradictions(corrected):
-    """{band: corrected power over that of the mocks} where they differ at `LEVEL`, by all errors together.
-
-    Where little is lost, only where it is more.
-    """
-    places, ratios = in_bands(corrected), {}
-    for name, (one, inside) in places.items():
-        n_mocks = len(one.sample)
-        mean, bar, systematic, sample = _with_errors(one, inside)
-        expected = one.expected[inside].mean() / mean
-        sigma = np.linalg.norm([bar, systematic, sample * expected * np.sqrt(1 + 1 / n_mocks)])
-        chance = len(places) * chance_of(abs(1 - expected) / sigma, n_mocks)
-        if chance < LEVEL and (expected < 1 or one.share[inside].mean() < 1 - _LOST):
-            ratios[name] = 1 / expected
-    return ratios
 
 
 def corrected_table(corrected):

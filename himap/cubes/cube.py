@@ -97,13 +97,7 @@ class Cube:
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
 
     def masked(self, path, *, rotate=False):
-        """The same `Cube` of the pixels that it sees and that the mask in a file keeps.
-
-        Raises
-        ------
-        InputError
-            As of `within` and of `himap.cubes.weights.read_mask`.
-        """
+        """The same `Cube` of the pixels that it sees and that the mask in a file keeps, as of `read_mask`."""
         mask, layout = read_mask(path, self.layout, rotate=rotate)
         return replace(self, layout=layout).within(mask)
 
@@ -121,13 +115,7 @@ class Cube:
         return self._of(kept, f"{kept.mean():.1%} of {self.layout.pixels.area} is kept by the mask.")
 
     def seen_in(self, n_channels):
-        """The same `Cube` of the pixels that are seen in so many channels or more.
-
-        Raises
-        ------
-        InputError
-            There is none, or a channel that none of them sees.
-        """
+        """The same `Cube` of the pixels that are seen in so many channels or more; one must be."""
         few = None if self.missing is None else np.count_nonzero(~self.missing, axis=0) < n_channels
         if few is None or not few.any():
             return self
@@ -164,13 +152,10 @@ class Cube:
         layout = replace(self.layout, channels=self.layout.channels[kept])
         return replace(self, maps=self.maps[kept], freqs=self.freqs[kept], layout=layout)
 
-    def in_frame_of(self, other, label="the truth", *, rotate=False):
+    def in_frame_of(self, other, label, *, rotate=False):
         """The same `Cube`, a truth or mock of `other`, in the frame of coordinates of that; `label` names it.
 
-        Raises
-        ------
-        InputError
-            The frames differ, and it may not be rotated, or it sees a part of the sky, or is an image.
+        Refused where the frames differ, unless it may be rotated, which takes maps of the whole sky.
         """
         mine, theirs = self.layout.pixels, other.layout.pixels
         if not mine.whole_sky or not theirs.whole_sky:
@@ -226,7 +211,8 @@ def make_cube(maps, layout, *, weights=None):
     if weights is not None:
         weights *= seen
         seen = weights > 0
-    dead = np.array([_is_constant(in_ring(maps[n])[there]) for n, there in enumerate(seen)])
+    values = (in_ring(pixels)[there] for pixels, there in zip(maps, seen, strict=True))
+    dead = np.array([len(some) > 1 and some.min() == some.max() for some in values])
     if (dead | ~seen.any(axis=1)).all() and dead.any():
         raise InputError("all maps are zero, or have one value everywhere.")
     seen[dead] = False
@@ -268,10 +254,6 @@ def make_cube(maps, layout, *, weights=None):
         layout=replace(layout, channels=channels).noted(*remarks),
         weights=None if weights is None else checked_weights(weights, weights.shape)[1],
     )
-
-
-def _is_constant(values):
-    return len(values) > 1 and values.min() == values.max()
 
 
 def _seen_channels(seen, freqs):

@@ -7,11 +7,11 @@ import numpy as np
 from himap.core.progress import progress
 from himap.cubes.corrected import plain_band
 from himap.cubes.report import figure, panel
-from himap.cubes.transfer import alms_of
+from himap.cubes.transfer import alms_of, faint_variance
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.measures.diagnostics import bands
-from himap.measures.low_rank_spectra import FAINT, Moments, recovered_power
+from himap.measures.low_rank_spectra import Moments, recovered_power
 from himap.measures.spectra import frequency_power
 
 PERCENTILES = (16, 50, 84)
@@ -60,7 +60,7 @@ def scatter_of(cleaned):
     """
     cube, residual, ensemble = cleaned.cube, cleaned.residual, cleaned.ensemble
     alms, own = alms_of(cube, residual), frequency_power(residual, cube.channel_width)
-    faint, spectra = FAINT * float(residual.var(axis=1, dtype=np.float64).sum()), []
+    faint, spectra = faint_variance(residual), []
     for k in progress(range(len(ensemble.members)), "spectra of restarts"):
         change = ensemble.change(k).truncate(faint)
         seen = replace(change, maps=cube.on_sphere(change.maps))

@@ -14,7 +14,6 @@ from himap.figures.tables import Table
 from himap.instrument.beams import named
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.others import PerturbedBeam
-from himap.measures.low_rank_spectra import FAINT
 
 WIDTHS, RIPPLES = (-1e-2, -1e-3, 1e-3, 1e-2), (1e-5, 1e-4, 1e-3)
 """What is tried unless given: errors of the FWHM, of all channels and oscillating, relative."""
@@ -56,11 +55,10 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
     assumed = perturbed_beams(beam, widths, ripples, period)
     known = [(one, beams_of(cube, one, dish=dish)) for one in assumed]  # fails now
     alms = alms_of(cube, cleaned.residual, cleaned.separation.lmax)
-    faint = FAINT * float(cleaned.residual.var(axis=1, dtype=np.float64).sum())
     ratios = {}
     for one, beams in progress(known, "beams"):
         other = cleaned.with_beams(beams).separation
-        power = mock_power_of_change(cube, alms, cleaned.separation, other, faint)
+        power = mock_power_of_change(cube, cleaned.residual, alms, cleaned.separation, other)
         ratios["width" if one.width else "ripple", one.width or one.ripple] = power.band_means()
     return pd.DataFrame(ratios).T.astype(float).rename_axis(["kind", "error"])
 

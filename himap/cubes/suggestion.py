@@ -162,13 +162,15 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     # Refused now, not after the others.
     remover = method_for(cube, method, beams=beams, n_sources=int(counts[-1]), **parameters)
     cleaning = cleaning_of(cube, remover, beams, peaks=peaks)
+    weights = [None] * n_channels if cube.weights is None else np.broadcast_to(cube.weights, cube.maps.shape)
     separations, variances, spectra, near = {}, [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = cleaning.with_sources(int(count))
         near = near or analysed(cleaned)
         if cube.weights is not None:
             separations[count] = cleaned.separation
-        variances.insert(0, _variances(cleaned))
+        pairs = zip(cleaned.residual, weights, strict=True)
+        variances.insert(0, [np.cov(channel, aweights=some, ddof=0) for channel, some in pairs])
         spectra.insert(0, scales(cube, spectra_of(cleaned, near)))
     change, n_seen = changes(spectra), None
     if cube.missing is not None:
@@ -202,15 +204,6 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         widths=widths,
         weighted=cube.weights is not None,
     )
-
-
-def _variances(cleaned):
-    """Of the residual in each channel, by the weights of the cube, a list of floats, mK^2."""
-    residual, weights = cleaned.residual, cleaned.cube.weights
-    if weights is None:
-        return [channel.var(dtype=np.float64) for channel in residual]
-    several = zip(residual, np.broadcast_to(weights, residual.shape), strict=True)
-    return [float(np.cov(channel, aweights=some, ddof=0)) for channel, some in several]
 
 
 def advice(suggestion):

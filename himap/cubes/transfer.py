@@ -54,7 +54,7 @@ class Corrected:
     sample: np.ndarray
     expected: np.ndarray
     systematic: np.ndarray
-    truth: np.ndarray | None = None
+    truth: np.ndarray
 
     @property
     def knows_truth(self):
@@ -203,8 +203,7 @@ def _member_power(cleaned, mock, alms, before=None):
     after = cleaned.resampled(mock, before).separation
     alms = alms if after.lmax is None else sphere.alms_upto(alms, after.lmax)
     if cube.missing is None:
-        faint = FAINT * float(mock.var(axis=1, dtype=np.float64).sum())
-        return mock_power_of_change(cube, alms, before, after, faint)
+        return mock_power_of_change(cube, mock, alms, before, after)
     # Both cubes have 0 in the gaps.
     change = after.foreground + -before.foreground
     back = change.subtract_from(mock, after.means - before.means)
@@ -218,21 +217,18 @@ def alms_of(cube, maps, lmax=None):
     return alms if lmax is None else sphere.alms_upto(alms, lmax)
 
 
-def mock_power_of_change(cube, alms, before, after, faint):
-    """The `MockPower` of what came back as more than it was by as much as the foreground changed.
+def faint_variance(maps):
+    """Variance, mK^2, summed over channels, that is `FAINT` next to that of maps (n_channels, n_seen)."""
+    return FAINT * float(maps.var(axis=1, dtype=np.float64).sum())
 
-    Parameters
-    ----------
-    cube
-        The `Cube`, without missing voxels.
-    alms
-        Coefficients of what was put in (`alms_of`).
-    before, after
-        The `Separation` that the foreground is of, and the one that it is then of.
-    faint
-        Variance, mK^2, summed over channels, of terms of the change that are left out.
+
+def mock_power_of_change(cube, maps, alms, before, after):
+    """The `MockPower` of maps, with their coefficients `alms`, that change by what the foreground does.
+
+    That of a `Cube` without missing voxels, from the `Separation` `before` to the one `after`; terms of the
+    change that are faint next to the maps are left out.
     """
-    change = (before.foreground + -after.foreground).truncate(faint)
+    change = (before.foreground + -after.foreground).truncate(faint_variance(maps))
     if not len(change.maps):  # nothing moves
         change = LowRankCube(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
     return mock_power(alms, replace(change, maps=cube.on_sphere(change.maps)), cube.channel_width)
@@ -264,26 +260,13 @@ def correct(cleaned, transfer, spectra, truth=None):
             f"{transfer.powers.shape[-1]} values of P(k): measure it for this one (measure_transfer)."
         )
     alms = alms_of(cleaned.cube, cleaned.residual, len(transfer.degrees) - 1)
-    power, corrected = harmonic_power(alms, cleaned.cube.channel_width), {}
-    places = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
-    places["frequency"] = spectra.frequency.k, spectra.frequency.power
-    true = {} if truth is None else {"angular": (truth.degrees, truth.true_angular)}
+    power = harmonic_power(alms, cleaned.cube.channel_width)
+    shown = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
+    shown["frequency"] = spectra.frequency.k, spectra.frequency.power
+    true = dict.fromkeys(shown, ([0], [np.nan]))
     if truth is not None:
-        true["frequency"] = truth.k, truth.true_frequency
-    for kind, (x, shown) in places.items():
-        one = _in_bins(kind, x, transfer, power)
-        inside = np.isin(x, one.x)
-        # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
-        scale = shown[inside] / one.residual
-        corrected[kind] = replace(
-            one,
-            residual=shown[inside],
-            corrected=one.corrected * scale,
-            expected=one.expected * scale,
-            systematic=one.systematic * scale,
-            truth=np.interp(one.x, *true.get(kind, ([0], [np.nan])), left=np.nan, right=np.nan),
-        )
-    return corrected
+        true = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
+    return {kind: _corrected(kind, transfer, power, shown[kind], true[kind]) for kind in shown}
 
 
 def _ends(middles):
@@ -294,8 +277,12 @@ def _ends(middles):
     return np.array([ends[:-1], ends[1:]])
 
 
-def _in_bins(kind, x, transfer, power):
-    """The `Corrected` of one spectrum, in bins at the places `x`, from the `HarmonicPower` of a residual."""
+def _corrected(kind, transfer, power, shown, true):
+    """The `Corrected` of one spectrum, in the bins that are `shown`, from the `HarmonicPower` of a residual.
+
+    `shown` and `true` are places, l or k, and the power there, of the residual and of the truth.
+    """
+    x, residual = shown
     known = slice(2, None) if kind == "angular" else slice(1, None)
     known_at = (transfer.degrees if kind == "angular" else transfer.k)[known]
     inside = (x >= known_at[0]) & (x <= known_at[-1])
@@ -303,16 +290,20 @@ def _in_bins(kind, x, transfer, power):
     bins = (known_at > low[inside, None]) & (known_at < high[inside, None])
     bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
     left, share = getattr(power, kind), getattr(transfer, kind)
+    # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
+    scale = residual[inside] / (bins @ left[known])
     lost = share <= 0
     corrected = np.where(lost, 0, transfer.corrected(kind, left))
     several = len(transfer.mocks) > 1
+    expected = np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)
     return Corrected(
         x=x[inside],
-        residual=bins @ left[known],
+        residual=residual[inside],
         share=bins @ share[known],
-        corrected=np.where(bins @ lost[known] > 0, np.nan, bins @ corrected[known]),
+        corrected=np.where(bins @ lost[known] > 0, np.nan, bins @ corrected[known]) * scale,
         errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
         sample=transfer.sample(kind)[:, known] @ bins.T,
-        expected=bins @ np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)[known],
-        systematic=bins @ transfer.foreground(kind)[known],
+        expected=bins @ expected[known] * scale,
+        systematic=bins @ transfer.foreground(kind)[known] * scale,
+        truth=np.interp(x[inside], *true, left=np.nan, right=np.nan),
     )
