@@ -337,6 +337,18 @@ for axes in (SKY["ZEA"], (*SKY["ZEA"], FREQ)):
     add(f"{len(axes)} axes of three", "a.fits --freqs nu.txt", message, write)
 for axes in ("ra,dec", "ra,ra,freq", "time,dec,freq", "pixel,freq", ","):
     add(f"axes {axes}", f"image.fits --axes {axes}", "such as ra,dec,freq")
+up = ("FREQ", 2e9, 1, 2e6, "Hz")
+for message, axes, cards in (
+    ("two channels have the frequency 980 MHz", (*SKY["SIN"], FREQ), {}),
+    ("must have the same axes of the sky", (*SKY["CAR"], up), {}),
+    ("must have one unit", (*SKY["SIN"], up), {"BUNIT": "K"}),
+):
+    low, more = partial(write_image, maps=images), partial(write_image, maps=images, axes=axes, **cards)
+    add(f"images of which is said {message}", "folder", message, lambda low=low, more=more: (
+        os.mkdir("folder"), low("folder/a.fits"), more("folder/b.fits")))  # fmt: skip
+message = "the truth must have the channels and the axes of the sky of the cube"
+add("a truth of another sky", "image.fits --truth a.fits", message, write_image, "a.fits", images,
+    axes=(*SKY["CAR"], FREQ))  # fmt: skip
 add("an image of no sky", "a.fits", "two axes of the sky", lambda: fits.PrimaryHDU(
     np.ones((24, 10, 10))).writeto("a.fits"))  # fmt: skip
 add("an image cut short", "a.fits", "cannot be read as an image cube", lambda: Path("a.fits").write_bytes(

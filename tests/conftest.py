@@ -93,6 +93,22 @@ def problem(rng):
     return make_problem(rng)[:3]
 
 
+@pytest.fixture
+def maps(rng):
+    """`cube_files.power_law_maps`; a module whose maps are others has a fixture of its own."""
+    from cube_files import power_law_maps  # as above
+
+    return power_law_maps(rng)
+
+
+@pytest.fixture
+def images(rng):
+    """`image_files.power_law_images`."""
+    from image_files import power_law_images  # as above
+
+    return power_law_images(rng)
+
+
 @pytest.fixture(scope="session")
 def real_sky():
     """Folder of the real Galaxy templates (nside 64), which the project cannot ship."""

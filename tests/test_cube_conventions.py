@@ -13,7 +13,6 @@ from cube_files import run
 
 from himap.core.errors import InputError
 from himap.core.memory import LIMIT_VARIABLE
-from himap.core.reading import regular_file
 from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.maps.healpix_io import read_maps
 
@@ -231,10 +230,6 @@ class TestUnreadable:
             InputError, match=rf"the (file|folder) {name} cannot be read \(Permission denied\)"
         ):
             read_cube(name)
-
-    def test_devices(self):
-        with pytest.raises(InputError, match="the table /dev/null must be a file that is on disk"):
-            regular_file("/dev/null", "table")
 
 
 class TestFullDisk:

@@ -39,6 +39,12 @@ def blue(rng, scale=1.0):
 BEAMS = np.ones((len(FREQS), 3 * NSIDE))
 
 
+def corrected_by(cleaned, mocks, truth=None, **options):
+    """What `correct` makes of a cleaned cube by these mocks, and the transfer function."""
+    transfer = measure_transfer(cleaned, mocks, **options)
+    return correct(cleaned, transfer, spectra_of(cleaned), truth), transfer
+
+
 def pulls_of(both):
     """The largest, and with the systematic error, of all bands but one that ends beyond the truth's power."""
     rows = [row[-2:] for row in corrected_table(both).rows if row[0] != "C(l), l 20-39"]
@@ -152,8 +158,8 @@ class TestMeasured:
         cube, true = replace(cube, maps=cube.maps[:, seen], mask=seen), truth[:, seen]
         cleaned = clean_cube(cube, "pca", n_sources=2, peaks=False)
         comparison = compared(cleaned, replace(cube, maps=true))
-        transfer = measure_transfer(cleaned, (blue(rng)[:, seen] for _ in range(6)), beams=windows)
-        both = correct(cleaned, transfer, spectra_of(cleaned), comparison)
+        mocks = (blue(rng)[:, seen] for _ in range(6))
+        both, transfer = corrected_by(cleaned, mocks, comparison, beams=windows)
         assert transfer.drawn == (share == 1 and windows is not None)
         angular, frequency = both["angular"], both["frequency"]
         low = angular.x < 29
@@ -175,14 +181,13 @@ class TestMeasured:
         cleaned = clean_cube(cube, "pca", n_sources=2, peaks=False)
         comparison, mocks = compared(cleaned, replace(cube, maps=truth)), [blue(rng) for _ in range(8)]
         with_beams, without = (
-            correct(cleaned, measure_transfer(cleaned, mocks, beams=windows), spectra_of(cleaned), comparison)
-            for windows in (BEAMS, None)
+            corrected_by(cleaned, mocks, comparison, beams=windows)[0] for windows in (BEAMS, None)
         )
         assert pulls_of(with_beams)[1] < 4 < 12 < pulls_of(without)[1]
 
     def test_pull_with_the_systematic_error(self, cube, cleaned, truth, rng):
         comparison, mocks = compared(cleaned, replace(cube, maps=truth)), [blue(rng) for _ in range(2)]
-        both = correct(cleaned, measure_transfer(cleaned, mocks), spectra_of(cleaned), comparison)
+        both, _ = corrected_by(cleaned, mocks, comparison)
         one = replace(both["angular"], systematic=0.3 * both["angular"].corrected)
         (row,) = (row for row in corrected_table(both | {"angular": one}).rows if row[0] == "C(l), l 10-19")
         inside = (one.x >= 10) & (one.x < 20)
@@ -198,9 +203,8 @@ class TestMeasured:
         The residual then is that of the other, so that its power goes with its square; else HI alone.
         """
         cleaned = clean_cube(cube, "pca", n_sources=n_sources, peaks=False)
-        windows = BEAMS if beams else None
-        transfer = measure_transfer(cleaned, (blue(rng) for _ in range(6)), beams=windows)
-        both = correct(cleaned, transfer, spectra_of(cleaned))
+        mocks = (blue(rng) for _ in range(6))
+        both, transfer = corrected_by(cleaned, mocks, beams=BEAMS if beams else None)
         found = by_brightness(cleaned, transfer, both)
         said = remarks_on(both) + remarks_on_brightness(found)
         if n_sources == 2 or beams:
@@ -214,8 +218,7 @@ class TestMeasured:
 
     def test_residual_in_parts_is_compared_with_mocks_and_with_the_corrected_power(self, cleaned, rng):
         """Twice the power of mocks in a part halves its ratio; half of foreground doubles all of them."""
-        transfer = measure_transfer(cleaned, [blue(rng), blue(rng)])
-        both = correct(cleaned, transfer, spectra_of(cleaned))
+        both, transfer = corrected_by(cleaned, [blue(rng), blue(rng)])
         one = both["frequency"]
         none, half = (
             both | {"frequency": replace(one, systematic=x * one.residual / one.share)} for x in (0, 0.5)
@@ -254,29 +257,19 @@ class TestMeasured:
     def test_mocks_unlike_the_data(self, cube, rng, scale, n_mocks, said):
         """Of four times the power; two mocks are too few to tell."""
         cleaned = clean_cube(cube, "pca", n_sources=2, peaks=False)
-        mocks = (blue(rng, scale) for _ in range(n_mocks))
-        both = correct(cleaned, measure_transfer(cleaned, mocks), spectra_of(cleaned))
+        both, _ = corrected_by(cleaned, (blue(rng, scale) for _ in range(n_mocks)))
         remarks = " ".join(remarks_on(both))
         assert ("not that of the mocks" in remarks) == said
         assert not said or re.search(r"C\(l\), l 5-9: 0\.2\d?\b", remarks)
         assert both["angular"].expected[3:10] == pytest.approx(scale**2 / (6 + np.arange(7)), rel=0.3)
 
     def test_one_mock_has_no_error_bar(self, cleaned, rng):
-        transfer = measure_transfer(cleaned, [blue(rng)])
-        both = correct(cleaned, transfer, spectra_of(cleaned))
+        both, transfer = corrected_by(cleaned, [blue(rng)])
         assert np.isnan(both["angular"].sigma(np.eye(len(both["angular"].x)))).all()
         assert all(row[3] == "needs two mocks" for row in corrected_table(both).rows)
         found = by_brightness(cleaned, transfer, both)
         assert not remarks_on_brightness(found)
         assert all(row[-2:] == ["–", "–"] for row in brightness_table(found).rows)
-
-    def test_no_mock(self, cleaned):
-        with pytest.raises(InputError, match="one or more, got none"):
-            measure_transfer(cleaned, [])
-
-    def test_of_another_shape(self, cleaned, rng):
-        with pytest.raises(InputError, match=r"the cube, \(24, 3072\), got \(23, 3072\)"):
-            measure_transfer(cleaned, [blue(rng)[1:]])
 
     def test_of_another_cube(self, cleaned, cube, rng):
         transfer = measure_transfer(cleaned, [blue(rng)])
@@ -294,10 +287,9 @@ class TestMeasured:
 
     def test_bins_of_a_mask_have_all_their_multipoles(self, cube, rng):
         part = clean_cube(cube.within(np.arange(N_PIX) < 0.3 * N_PIX), "pca", n_sources=2)
-        transfer, spectra = measure_transfer(part, [blue(rng)[:, part.cube.mask]]), spectra_of(part)
-        both = correct(part, transfer, spectra)
+        both, transfer = corrected_by(part, [blue(rng)[:, part.cube.mask]])
         lmax = len(transfer.degrees) - 1
-        bins = bin_matrix(lmax, round(np.median(np.diff(spectra.angular.degrees))))
+        bins = bin_matrix(lmax, round(np.median(np.diff(spectra_of(part).angular.degrees))))
         assert bins.astype(bool).sum(axis=1)[2] > 3
         expected = bins @ np.where(np.arange(lmax + 1) < 2, 0, transfer.angular)
         assert both["angular"].share[1:] == pytest.approx(expected[2:], rel=1e-9)
@@ -308,17 +300,17 @@ class TestMeasured:
         assert not measure_transfer(cleaned, [blue(rng)[:6]], beams=BEAMS[:6]).drawn
 
     @pytest.mark.parametrize("windows", [None, BEAMS])
-    def test_the_same_mock_again(self, cleaned, rng, windows):
-        one, two = blue(rng), blue(rng)
-        with pytest.raises(InputError, match="must differ, and number 3 is one of those before"):
-            measure_transfer(cleaned, [one, two, one.copy()], beams=windows)
-
-    def test_files_of_mocks_are_removed_where_one_is_refused(self, cleaned, rng, tmp_path, monkeypatch):
+    def test_mocks_that_are_refused_leave_no_files(self, cleaned, rng, windows, tmp_path, monkeypatch):
         monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-        before = {*tmp_path.iterdir()}
-        with pytest.raises(InputError, match="got \\(23, 3072\\)"):
-            measure_transfer(cleaned, [blue(rng), blue(rng)[1:]], beams=BEAMS)
-        assert {*tmp_path.iterdir()} == before
+        before, one, two = {*tmp_path.iterdir()}, blue(rng), blue(rng)
+        for mocks, message in (
+            ([], "one or more, got none"),
+            ([one, two[1:]], r"the cube, \(24, 3072\), got \(23, 3072\)"),
+            ([one, two, one.copy()], "must differ, and number 3 is one of those before"),
+        ):
+            with pytest.raises(InputError, match=message):
+                measure_transfer(cleaned, mocks, beams=windows)
+            assert {*tmp_path.iterdir()} == before
 
     def test_one_multipole_without_signal_is_not_known_alone(self, cleaned, rng):
         transfer = measure_transfer(cleaned, [blue(rng), blue(rng)])
@@ -329,14 +321,12 @@ class TestMeasured:
 
     def test_a_method_without_a_number_of_sources(self, cube, rng):
         cleaned = clean_cube(cube, "polynomial", order=3, peaks=False)
-        both = correct(cleaned, measure_transfer(cleaned, [blue(rng), blue(rng)]), spectra_of(cleaned))
+        both, _ = corrected_by(cleaned, [blue(rng), blue(rng)])
         assert np.isfinite(both["angular"].corrected).all()
 
     def test_file_of_spectra(self, cube, cleaned, truth, rng, tmp_path):
         comparison = compared(cleaned, replace(cube, maps=truth))
-        both = correct(
-            cleaned, measure_transfer(cleaned, [blue(rng), blue(rng)]), spectra_of(cleaned), comparison
-        )
+        both, _ = corrected_by(cleaned, [blue(rng), blue(rng)], comparison)
         write_spectra(both, tmp_path / "a.csv")
         rows = list(csv.DictReader((tmp_path / "a.csv").read_text().splitlines()))
         angular = [row for row in rows if row["spectrum"] == "angular"]
@@ -348,7 +338,7 @@ class TestMeasured:
         assert covariance(np.array([errors]).T).item() == pytest.approx(float(angular[3]["sigma"]) ** 2)
 
     def test_correlations_of_bands(self, cleaned, rng):
-        both = correct(cleaned, measure_transfer(cleaned, (blue(rng) for _ in range(3))), spectra_of(cleaned))
+        both, _ = corrected_by(cleaned, (blue(rng) for _ in range(3)))
         table = correlation_table(both)
         matrix = np.array([[float(cell) for cell in row[1:]] for row in table.rows])
         assert table.header[1:] == [row[0] for row in corrected_table(both).rows]

@@ -5,7 +5,7 @@ import healpy as hp
 import numpy as np
 import pytest
 from astropy.io import fits
-from cube_files import FREQS, N_PIX, power_law_maps, run, write_hdf5
+from cube_files import FREQS, N_PIX, run, write_hdf5
 from image_files import N_CHANNELS, N_X, N_Y, SKY, power_law_images, write_image
 
 from himap.core.errors import InputError
@@ -19,11 +19,6 @@ from himap.removal.polynomial import Polynomial
 
 SHAPE = (len(FREQS), N_PIX)
 DOWN = ("FREQ", 1018e6, 1.0, -2e6, "Hz")
-
-
-@pytest.fixture
-def maps(rng):
-    return power_law_maps(rng)
 
 
 @pytest.fixture
@@ -210,10 +205,8 @@ class TestImages:
     """Of one image for all channels, or of one for each."""
 
     @pytest.fixture(autouse=True)
-    def maps(self, rng, here):
-        maps = power_law_images(rng)
-        write_image("cube.fits", maps)
-        return maps
+    def cube(self, images, here):
+        write_image("cube.fits", images)
 
     @pytest.fixture
     def hits(self, rng):
@@ -225,11 +218,11 @@ class TestImages:
     def flags(self, rng):
         return rng.random((N_CHANNELS, N_Y, N_X)) < 0.05
 
-    def test_one_image_for_all_channels(self, maps, hits):
+    def test_one_image_for_all_channels(self, images, hits):
         cube = read_cube("cube.fits", weights=write_image("hits.fits", hits, axes=SKY["SIN"], BUNIT=""))
         seen = hits.ravel() > 0
         assert np.array_equal(cube.mask, seen) and np.array_equal(cube.weights, hits.ravel()[seen])
-        lines = maps.reshape(N_CHANNELS, -1)[:, seen]
+        lines = images.reshape(N_CHANNELS, -1)[:, seen]
         expected = PCA(n_sources=2).clean(lines, freqs=cube.freqs, weights=hits.ravel()[seen]).residual
         assert clean_cube(cube, "pca", n_sources=2, peaks=False).residual == pytest.approx(expected, abs=1e-4)
 

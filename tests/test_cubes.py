@@ -8,7 +8,7 @@ import healpy as hp
 import numpy as np
 import pytest
 from astropy.io import fits
-from cube_files import FREQS, N_PIX, NSIDE, power_law_maps, run, write_hdf5
+from cube_files import FREQS, N_PIX, NSIDE, run, write_hdf5
 
 from himap import removal
 from himap.app.cli.main import main
@@ -19,11 +19,6 @@ from himap.maps import sphere
 from himap.removal.peaks import mask_peaks
 
 METHODS = removal.available()
-
-
-@pytest.fixture
-def maps(rng):
-    return power_law_maps(rng)
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ import pytest
 from himap import removal
 from himap.core.checks import checked_cube, whole_number
 from himap.core.errors import InputError
+from himap.core.reading import regular_file
 from himap.core.survey import Survey
 from himap.instrument.beams import Evolving, FromFile, Oscillating, named
 from himap.maps import sphere
@@ -120,7 +121,14 @@ TABLE = [
     (named, "text", "misjudged:period=0", "period .* must be above 0, got 0"),
     (named, "text", "misjudged:width=wide", "width .* must be a number, got 'wide'"),
     (named, "text", 3, "a beam is a name or the path of a file, got 3"),
+    (named, "text", "meerkat:band=L,Band=UHF", "given twice"),
     (named, "text", "meerkat:band=S", "band must be any, UHF or L, got 'S'"),
+    (
+        partial(regular_file, kind="table"),
+        "path",
+        "/dev/null",
+        "the table /dev/null must be a file that is on",
+    ),
     (FromFile, "path", "nowhere.txt", "there is no file nowhere.txt"),
     (windows("oscillating"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz"),
     (windows("rippled"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz"),
@@ -131,6 +139,7 @@ TABLE = [
     (windows("meerkat_lobes:band=L"), "freqs", [899, 1000], "of L, got 899 to 1000"),
     (partial(hi_maps, rng=None), "survey", Survey(box_size=2000.0), "box_size to at least 2994"),
     (removal.create, "name", "pcs", r"unknown method 'pcs' \(did you mean pca\?\); there are .*pca"),
+    *((removal.create, "name", name, "unknown method") for name in ("", "__init__", "base", "_", 3)),
     (method("pca"), "n_sorces", 3, "did you mean n_sources.*number of components"),
     (method("parametric"), "beta_min", -7, "beta_min .* must be at least -6"),
     (method("parametric"), "beta_max", -2.13, "beta_max .* must be at most -2.14"),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 from astropy.wcs import WCS
-from cube_files import FREQS, N_PIX, NSIDE, power_law_maps, run, write_container
+from cube_files import FREQS, N_PIX, NSIDE, run, write_container
 
 from himap.cubes import clean_cube, read_cube
 from himap.sky.cosmology import redshift
@@ -21,11 +21,6 @@ from himap.sky.cosmology import redshift
 pytestmark = pytest.mark.usefixtures("here")
 EDGES = np.linspace(900, 1020, 25)
 CENTRES = (EDGES[1:] + EDGES[:-1]) / 2
-
-
-@pytest.fixture
-def maps(rng):
-    return power_law_maps(rng)
 
 
 PAGE = Path(__file__).parents[1] / "book" / "simulators.md"

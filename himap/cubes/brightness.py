@@ -91,7 +91,8 @@ def by_brightness(cleaned, transfer, corrected):
         without, errors = float(parts.without(ratios)), [np.nan]
         if n_mocks > 1:
             others = (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
-            errors = [float(sigma(parts.without(_shape(mocks) / _shape(others)) - 1)), *one.errors_in(inside)]
+            line = sigma(parts.without(_shape(mocks) / _shape(others)) - 1)
+            errors = [line, *one.errors_in(inside)[:2]]
         error = float(np.linalg.norm(errors))
         chance = float(chance_of(abs(without - 1) / error, n_mocks)) if n_mocks > 1 else np.nan
         power[name] = Band(ratios=ratios, without=without, error=error, chance=chance)

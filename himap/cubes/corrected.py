@@ -33,8 +33,8 @@ def remarks_on(corrected):
             most.append(name)
         # From the mocks it differs at `LEVEL`, by all errors; where little is lost, only what is more counts.
         n_mocks = len(one.sample)
-        mean, bar, systematic, sample = _with_errors(one, inside)
-        expected = one.expected[inside].mean() / mean
+        bar, systematic, sample = one.errors_in(inside)
+        expected = one.expected[inside].mean() / one.corrected[inside].mean()
         sigma = np.linalg.norm([bar, systematic, sample * expected * np.sqrt(1 + 1 / n_mocks)])
         chance = len(places) * chance_of(abs(1 - expected) / sigma, n_mocks)
         if chance < LEVEL and (expected < 1 or one.share[inside].mean() < 1 - _LOST):
@@ -55,12 +55,6 @@ def remarks_on(corrected):
     return remarks
 
 
-def _with_errors(one, inside):
-    """Mean corrected power in a band; relative to it the error bar, systematic error and sample variance."""
-    mean, sample = one.corrected[inside].mean(), one.sigma([inside / inside.sum()], "sample")[0]
-    return mean, *one.errors_in(inside), sample
-
-
 def corrected_table(corrected):
     """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`.
 
@@ -70,9 +64,9 @@ def corrected_table(corrected):
     knows = corrected["angular"].knows_truth
     rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
     for name, (one, inside) in in_bands(corrected).items():
-        mean, bar, systematic, sample = _with_errors(one, inside)
+        bar, systematic, sample = one.errors_in(inside)
         row = [name, f"{one.share[inside].mean():.4f}"]
-        row += [f"{mean / one.residual[inside].mean():.4f}"]
+        row += [f"{one.corrected[inside].mean() / one.residual[inside].mean():.4f}"]
         row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
         row += [f"{systematic:.2%}", f"{sample:.2%}"]
         if knows:

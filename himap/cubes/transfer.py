@@ -75,9 +75,10 @@ class Corrected:
         return sigma(relative @ np.transpose(bins)) if len(relative) > 1 else np.full(len(bins), np.nan)
 
     def errors_in(self, inside):
-        """Error bar and systematic error of the mean over `inside`, (n,) bool, relative to it."""
-        systematic = abs(self.systematic[inside].mean() / self.corrected[inside].mean())
-        return self.sigma([inside / inside.sum()])[0], systematic
+        """Error bar, systematic error and sample variance of the mean over `inside`, (n,) bool, over it."""
+        bins, systematic = [inside / inside.sum()], self.systematic[inside].mean()
+        systematic = abs(systematic / self.corrected[inside].mean())
+        return self.sigma(bins)[0], systematic, self.sigma(bins, "sample")[0]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,13 +16,10 @@ from himap.maps.healpix_io import to_ring
 from himap.maps.sphere import pixels_last, sphere_sizes
 
 _HELD = 2  # cubes in float32 besides that in the file: weights are float64
-_RIGHT = {  # what is right in them, and how that is said
-    "weights": (lambda v: (v >= 0) & np.isfinite(v), "finite and 0 or more; 0 means not seen"),
-    "flags": (
-        lambda v: (v == 0) | (v == 1),
-        "True (or 1) where a voxel is bad and False (or 0) where it is good",
-    ),
-    "mask": (lambda v: (v == 0) | (v == 1), "1 where kept and 0 elsewhere, such as mask > 0.5"),
+_RIGHT = {
+    "weights": "finite and 0 or more; 0 means not seen",
+    "flags": "True (or 1) where a voxel is bad and False (or 0) where it is good",
+    "mask": "1 where kept and 0 elsewhere, such as mask > 0.5",
 }
 _UNSEEN = {"weights": 0.0, "flags": 1.0, "mask": 0.0}  # what is NaN, or UNSEEN, in FITS: bad, of no weight
 
@@ -80,10 +77,12 @@ def _values(given, word, layout, shape, rotate):
             f"{label} must be{' one map' * (word == 'mask')} of the pixels of the cube, ({shape[1]},)"
             f"{voxels * (word != 'mask')}; got {values.shape}. healpy.ud_grade changes nside."
         )
-    is_right, right = _RIGHT[word]
-    n_bad = sum(np.count_nonzero(~is_right(row)) for row in values)
+    n_bad = 0
+    for row in values:
+        is_right = (row >= 0) & np.isfinite(row) if word == "weights" else (row == 0) | (row == 1)
+        n_bad += np.count_nonzero(~is_right)
     if n_bad:
-        raise InputError(f"{label} must be {right}; {n_bad} are not.")
+        raise InputError(f"{label} must be {_RIGHT[word]}; {n_bad} are not.")
     if len(values) > 1 and theirs.freqs is not None and not same_freqs(theirs.freqs, layout.freqs).all():
         raise InputError(f"{label} must have the channels of the cube in the order of its own file.")
     frame = theirs.pixels.frame

@@ -114,7 +114,10 @@ def write_cleaned(cleaned, paths, *, said=None):
     """
     sentences = [*(cleaned.cube.said if said is None else said), *cleaned.remarks]
     cube, layout, mixing = cleaned.cube, cleaned.cube.layout, cleaned.separation.mixing
-    about = _about(cleaned)
+    about = {"method": cleaned.method.name, "himap": __version__}
+    if cleaned.ensemble is not None:  # which of several restarts, of how many, and how many look failed
+        about |= {"restart": cleaned.method.restart, "restarts": len(cleaned.ensemble.members)}
+        about |= {"failed": sum(map(bool, cleaned.ensemble.flags))}
     cubes = {"residual": cleaned.residual_with_nan, "foreground": cleaned.foreground}
     as_given = ((name, layout.as_given(maps, cube.mask)) for name, maps in cubes.items())  # one at a time
     if ending_of(paths[0]) in (".h5", ".hdf5"):
@@ -153,12 +156,3 @@ def _write_hdf5(cleaned, path, as_given, about, sentences):
 
 def _in_ascii(sentence):
     return plain_text(sentence).encode("ascii", "backslashreplace").decode()
-
-
-def _about(cleaned):
-    """What made a cube, a dict; of several restarts which it is, of how many, and how many look failed."""
-    about, several = {"method": cleaned.method.name, "himap": __version__}, cleaned.ensemble
-    if several is not None:
-        about |= {"restart": cleaned.method.restart, "restarts": len(several.members)}
-        about |= {"failed": sum(map(bool, several.flags))}
-    return about
