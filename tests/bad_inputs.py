@@ -453,6 +453,8 @@ words = "good.h5 --mask m.fits --method beam_subspace --beam evolving"
 add("a mask and multipoles", words, "24 channels need as many", write_fits, "m.fits", spot)
 add("a mask of what is not seen", "part.fits --mask m.fits", "no pixel that the cube sees", write_fits,
     "m.fits", spot[::-1])  # fmt: skip
+add("a mask of images that is rotated", "image.fits --mask m.fits --rotate", "only HEALPix maps are rotated",
+    write_image, "m.fits", np.ones((N_Y, N_X)), axes=SKY["SIN"], BUNIT="")  # fmt: skip
 add("a mask without an order", "good.h5 --mask m.fits", "ORDERING", change_cards, "mask.fits", "m.fits",
     ORDERING="''")  # fmt: skip
 add("weights without an order", "good.h5 --weights m.fits", "must say ORDERING", change_cards, "mask.fits",
@@ -602,6 +604,9 @@ for words, message in (
     ("--beam evolving --mocks 2 --mock-noise 0", "noise must be above zero"),
 ):
     add(f"transfer {words}", f"transfer good.h5 {words}", message)
+message = "a.h5: a mock must have the channels and the nside of the cube"
+add("a mock of another nside", "transfer good.h5 --mocks a.h5", message, write_hdf5, "a.h5",
+    np.tile(good_maps(), 4))  # fmt: skip
 add("noise of no mocks", "good.h5 --mock-noise 1", "belongs to a number")
 for name in ("gnilc", "sdecgmca", "beam_subspace", "smooth_spectra"):
     message = f"{name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 from cube_files import run, write_hdf5
-from image_files import FREQ, SKY, power_law_images, write_image
+from image_files import FREQ, SKY, write_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, save_cleaned
@@ -247,19 +247,12 @@ class TestImages:
             ("SIN", {"EQUINOX": 1950.0}, False),
         ],
     )
-    def test_a_mask_in_the_frame_of_the_cube_and_in_another(self, sky, cards, same, rng):
+    def test_a_mask_in_the_frame_of_the_cube_and_in_another(self, sky, cards, same, images):
         """ICRS and J2000 are a milliarcsecond apart."""
-        maps = power_law_images(rng)
-        cube = read_cube(write_image("a.fits", maps, axes=(*SKY[sky], FREQ), RADESYS="ICRS"))
-        write_image("m.fits", np.ones_like(maps[0]), axes=SKY[sky], BUNIT="", **cards)
+        cube = read_cube(write_image("a.fits", images, axes=(*SKY[sky], FREQ), RADESYS="ICRS"))
+        write_image("m.fits", np.ones_like(images[0]), axes=SKY[sky], BUNIT="", **cards)
         if same:
             assert cube.masked("m.fits").mask.all()
         else:
             with pytest.raises(InputError, match="reproject"):
                 cube.masked("m.fits")
-
-    def test_nothing_is_rotated(self, rng):
-        maps = power_law_images(rng)
-        cube = read_cube(write_image("a.fits", maps))
-        with pytest.raises(InputError, match="only HEALPix maps are rotated"):
-            cube.masked(write_image("m.fits", np.ones_like(maps[0]), axes=SKY["SIN"], BUNIT=""), rotate=True)
