@@ -136,7 +136,13 @@ def _data_of(cube, method, beams, seed=0):
 
 
 def method_for(cube, method, *, beams=None, **parameters):
-    """The `ForegroundRemover` called `method`; an error unless it can clean `cube` with these `beams`."""
+    """The `ForegroundRemover` called `method`, if it can clean `cube` with these `beams`.
+
+    Raises
+    ------
+    InputError
+        It cannot, or there is none of that name or with these parameters.
+    """
     if not isinstance(method, str | ForegroundRemover):
         raise InputError(f"method must be a name, such as 'pca', or a method, such as PCA(), got {method!r}.")
     if parameters and not isinstance(method, str):
@@ -169,7 +175,12 @@ def check_pixels(cube, remover):
 def with_enough_channels(cube, method, *, peaks=True):
     """The `Cube` without the pixels of which too many channels are missing for a `ForegroundRemover`.
 
-    With `peaks` for the masking of peaks too. Errors as of `Cube.seen_in`.
+    With `peaks` for the masking of peaks too.
+
+    Raises
+    ------
+    InputError
+        None is left, or a channel sees none of them.
     """
     least = method.least_channels(len(cube.freqs))
     if peaks and len(cube.freqs) >= _LEAST_FOR_PEAKS:

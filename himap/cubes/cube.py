@@ -97,7 +97,13 @@ class Cube:
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
 
     def masked(self, path, *, rotate=False):
-        """The same `Cube` of the pixels that it sees and that the mask in a file keeps, as of `read_mask`."""
+        """The same `Cube` of the pixels that it sees and that the mask in a file keeps.
+
+        Raises
+        ------
+        InputError
+            As of `within` and of `himap.cubes.weights.read_mask`.
+        """
         mask, layout = read_mask(path, self.layout, rotate=rotate)
         return replace(self, layout=layout).within(mask)
 
@@ -115,7 +121,13 @@ class Cube:
         return self._of(kept, f"{kept.mean():.1%} of {self.layout.pixels.area} is kept by the mask.")
 
     def seen_in(self, n_channels):
-        """The same `Cube` of the pixels that are seen in so many channels or more; one must be."""
+        """The same `Cube` of the pixels that are seen in so many channels or more.
+
+        Raises
+        ------
+        InputError
+            There is none, or a channel that none of them sees.
+        """
         few = None if self.missing is None else np.count_nonzero(~self.missing, axis=0) < n_channels
         if few is None or not few.any():
             return self
@@ -155,7 +167,10 @@ class Cube:
     def in_frame_of(self, other, label, *, rotate=False):
         """The same `Cube`, a truth or mock of `other`, in the frame of coordinates of that; `label` names it.
 
-        Refused where the frames differ, unless it may be rotated, which takes maps of the whole sky.
+        Raises
+        ------
+        InputError
+            The frames differ, and it may not be rotated, or it sees a part of the sky, or is an image.
         """
         mine, theirs = self.layout.pixels, other.layout.pixels
         if not mine.whole_sky or not theirs.whole_sky:

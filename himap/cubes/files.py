@@ -124,11 +124,26 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
 def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
     """Maps and `Layout` of an HDF5, FITS or .npy file, whatever its name ends with, or a folder of FITS.
 
-    Maps (n_channels, n_pix) are in the order, unit and pixelisation of the file, NaN where it marks them
-    missing. FITS holds HEALPix maps in a table, or an image cube with world coordinates; of these each file
-    of a folder may have a range of channels. Options as of `read_cube`; of all readers of formats `aside` are
-    datasets of HDF5 that are no maps and no masks, by the last part of their names, and `held` the cubes in
-    float32 that the caller will hold at once, which must fit into memory.
+    FITS holds HEALPix maps in a table, or an image cube with world coordinates; of these each file of a
+    folder may have a range of channels. Options as of `read_cube`, and for all readers of formats:
+
+    Parameters
+    ----------
+    aside
+        Datasets of an HDF5 file that are no maps and no masks, by the last part of their names.
+    held
+        Cubes in float32 that the caller will hold at once: they must fit into memory.
+
+    Returns
+    -------
+    (ndarray, Layout)
+        Maps (n_channels, n_pix) in the order, unit and pixelisation of the file, NaN where it marks them
+        missing; and what it states of them.
+
+    Raises
+    ------
+    InputError
+        No such file, another format, a file that does not hold one cube, or too large a one.
     """
     is_folder = os.path.isdir(path)
     path = Path(path) if is_folder else regular_file(path)
@@ -164,7 +179,10 @@ def read_npy(path, *, axes=None, held=1):
 def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, frame=None):
     """The `Layout` of a file with what the caller gives of frequencies, unit, order and frame (`read_cube`).
 
-    It may not contradict the file, and one of both must say what is needed.
+    Raises
+    ------
+    InputError
+        What is given contradicts the file, or neither says what is needed.
     """
     pixels, freqs_from = layout.pixels, layout.freqs_from or "what was given"
     if is_path(freqs):
@@ -233,12 +251,20 @@ def _either(path, what, stated, given, *, same=operator.eq, shown=str):
 
 
 def read_freqs(path):
-    """Frequencies that a .npy or text file states, (n,), in MHz, and what it states, in words.
+    """Frequencies that a file states, (n,), in MHz, and what it states, in words.
 
-    One number a line is the centre of a channel. Or they are the means of the edges of channels that adjoin
-    each other, as those of CRIME and CoLoRe: lower and upper; before them the number of the channel, from 1,
-    or nothing; behind them the redshifts of the upper and the lower edge, or nothing. Of another table it
-    cannot be known which column is meant.
+    Parameters
+    ----------
+    path
+        A .npy file or a text file with one number a line, the centre of a channel. Or a table of the edges of
+        channels that adjoin each other, as those of CRIME and CoLoRe, whose means are the centres: lower and
+        upper; before them the number of the channel, from 1, or nothing; behind them the redshifts of the
+        upper and the lower edge, or nothing.
+
+    Raises
+    ------
+    InputError
+        Another table: which of its columns is meant cannot be known.
     """
     numbers = read_numbers(regular_file(path, "file of frequencies"))
     if numbers.ndim == 1 or 1 in numbers.shape:

@@ -242,7 +242,13 @@ def _has_numbers(item):
 
 
 def text_of(item, *names):
-    """The text of the attribute of one of these names, with an s or without, or None; several must agree."""
+    """The text of the attribute of one of these names, with an s or without, or None.
+
+    Raises
+    ------
+    InputError
+        Several are there, and say different things.
+    """
     texts = {
         name: decoded(item.attrs[name])
         for name in item.attrs

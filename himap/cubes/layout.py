@@ -148,10 +148,15 @@ class Layout:
         return replace(self, remarks=(*self.remarks, *remarks))
 
     def joined(self, label, frame, spectral_frame=None, *, rotate=False):
-        """The same with the frames of others, called `label`, where it states none, and what was assumed.
+        """The same with the frames of others where it states none, and what was assumed or is rotated.
 
-        `frame` is that of their coordinates, as of `himap.maps.frames.frame_of`, `spectral_frame` SPECSYS. An
-        InputError where one differs, unless they can be rotated (`rotate`).
+        Parameters
+        ----------
+        label, frame, spectral_frame
+            Of the others, which belong to these; frames of coordinates as of `himap.maps.frames.frame_of`,
+            and SPECSYS.
+        rotate
+            Whether they can be rotated into the frame of these; else an InputError where both differ.
         """
         pixels, about, said = self.pixels, self.about, []
         mine, theirs = frame_name(pixels.frame), frame_name(frame)
@@ -215,7 +220,10 @@ def plain_pairs(pairs, left_out=()):
 
 
 def only_value(path, what, values, names=()):
-    """The value that all maps in `path` have, or None; for errors `what` it is, and the maps' `names`."""
+    """The value that all maps in `path` have, None where none is stated.
+
+    `what` it is, and the `names` of the maps, are for the InputError where they differ.
+    """
     first = {value: n for n, value in reversed([*enumerate(values)])}
     if len(first) > 1:
         each = (f"{values[n]} ({names[n]})" if names else str(values[n]) for n in sorted(first.values()))
@@ -226,6 +234,7 @@ def only_value(path, what, values, names=()):
 def check_cube_room(path, n_values, itemsize, held):
     """Refuse a cube of `n_values` voxels of `itemsize` bytes before it is read, if work on it cannot fit.
 
-    `held` is how many cubes in float32 will be held at once, besides that in the file.
+    `held` is how many cubes in float32 will be held at once, besides that in the file. Raises an
+    InputError.
     """
     check_room(f"work on {path}", PROCESS + n_values * (itemsize + 4 * held))

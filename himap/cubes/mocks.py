@@ -94,7 +94,11 @@ def mock_survey(cube, *, seed=1):
     """The `Survey` that has the channels and pixels of a cube, and a box that holds its band.
 
     Channels that the file of the cube has, and the cube not, are in it where the others are uneven without.
-    Refused are channels that are not evenly spaced, and a band outside what `Survey` takes.
+
+    Raises
+    ------
+    InputError
+        Channels that are not evenly spaced, or a band outside what `Survey` takes.
     """
     whole = len(cube.freqs) == len(cube.layout.freqs) or evenly_spaced(cube.freqs)
     freqs = cube.freqs if whole else np.sort(cube.layout.freqs)

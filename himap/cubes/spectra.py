@@ -65,10 +65,20 @@ class PlaneSpectra:
 
 
 def spectra_of(cleaned, near=None):
-    """The `PowerSpectra` of a `CleanedCube`, with a mask decoupled; of images the `PlaneSpectra`.
+    """The power spectra of a `CleanedCube`.
 
-    `near` are maps on the sphere that differ by a few spectra, and their coefficients, as of `analysed`: only
-    these spectra are then analysed.
+    Parameters
+    ----------
+    cleaned
+        The `CleanedCube`.
+    near
+        Maps on the sphere that differ by a few spectra, and their coefficients, as of `analysed`: only these
+        spectra are then analysed.
+
+    Returns
+    -------
+    PowerSpectra or PlaneSpectra
+        Of HEALPix maps C_l, decoupled with a mask, and P(k_nu); of images P(k_perp, k_par) and P(k_nu).
     """
     cube, residual, mask = cleaned.cube, cleaned.residual, cleaned.cube.sky_mask
     if cube.image is not None:
@@ -102,9 +112,23 @@ def scales(cube, spectra):
 
 
 def compared(cleaned, truth):
-    """The `Comparison` of a `CleanedCube` with the truth, a `Cube`; of images `PlaneSpectra`.
+    """The spectra of a `CleanedCube` next to those of the truth.
 
-    The truth is what a perfect cleaning would leave. Errors as of `check_truth`.
+    Parameters
+    ----------
+    cleaned
+        The `CleanedCube`.
+    truth
+        A `Cube` of what a perfect cleaning would leave, with the same channels.
+
+    Returns
+    -------
+    Comparison or PlaneSpectra
+
+    Raises
+    ------
+    InputError
+        A truth of other pixels, other channels, or that does not see what was cleaned.
     """
     cube, mask = cleaned.cube, cleaned.cube.sky_mask
     check_truth(cube, truth)
@@ -121,7 +145,10 @@ def compared(cleaned, truth):
 def check_truth(cube, truth, label="the truth"):
     """Refuse a truth, a `Cube`, that is not one of `cube`; errors call it `label`.
 
-    It may not have another resolution or other channels, see less than the cube, or be the cube itself.
+    Raises
+    ------
+    InputError
+        It has another resolution or other channels, does not see what the cube does, or is the cube itself.
     """
     pixels, others = cube.layout.pixels, truth.layout.pixels
     if not pixels.same(others) or len(truth.freqs) != len(cube.freqs):

@@ -224,10 +224,17 @@ def faint_variance(maps):
 
 
 def mock_power_of_change(cube, maps, alms, before, after):
-    """The `MockPower` of maps, with their coefficients `alms`, that change by what the foreground does.
+    """The `MockPower` of what came back as more than it was by as much as the foreground changed.
 
-    That of a `Cube` without missing voxels, from the `Separation` `before` to the one `after`; terms of the
-    change that are faint next to the maps are left out.
+    Parameters
+    ----------
+    cube
+        The `Cube`, without missing voxels.
+    maps, alms
+        What was put in, (n_channels, n_seen), mK, and its coefficients (`alms_of`); terms of the change that
+        are faint next to it are left out.
+    before, after
+        The `Separation` that the foreground is of, and the one that it is then of.
     """
     change = (before.foreground + -after.foreground).truncate(faint_variance(maps))
     if not len(change.maps):  # nothing moves

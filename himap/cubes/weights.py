@@ -41,9 +41,20 @@ def weight_datasets(path, weights, flags):
 def voxel_weights(shape, layout, *, weights=None, flags=None, rotate=False):
     """Weights of the voxels of a cube, (n_in_file, n_pix) float64, RING, 0 where flagged, and its `Layout`.
 
-    `shape` and `layout` are of the maps of `himap.cubes.files.read_file`, the layout complete; it has the
-    frame of the weights where it had none, and says so. Options as of `himap.cubes.read_cube`; weights and
-    flags of images are (n_y, n_x) or (n_channels, n_y, n_x).
+    The layout has the frame of the weights where it had none, and says so.
+
+    Parameters
+    ----------
+    shape, layout
+        Of the maps of `himap.cubes.files.read_file`, and theirs, complete.
+    weights, flags, rotate
+        As of `himap.cubes.read_cube`; those of images are (n_y, n_x) or (n_channels, n_y, n_x).
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read, is of another nside, of other channels or of something else than weights
+        or flags.
     """
     out = np.ones(shape)
     for word, given in {"weights": weights, "flags": flags}.items():
@@ -59,6 +70,12 @@ def read_mask(path, layout, *, rotate=False):
     A FITS file has a HEALPix map, or an image, of 1 (kept) and 0, or of logical values; UNSEEN, NaN and
     pixels that a partial file leaves out are not kept. A .npy file has them in the order of the cube's own
     file. The layout has the frame of the mask where it had none, and says so.
+
+    Raises
+    ------
+    InputError
+        No such file, no order of pixels, others than those of the cube, values between 0 and 1, or another
+        frame without `rotate`.
     """
     values, layout = _values(path, "mask", layout, (1, int(np.prod(layout.pixels.shape))), rotate)
     return values[0] > 0, layout

@@ -30,7 +30,13 @@ def companion(path, ending):
 
 
 def check_columns(cube, path):
-    """Refuse a file in FITS for HEALPix maps of more channels than its table can have columns."""
+    """Refuse a file in FITS for HEALPix maps of more channels than its table can have columns.
+
+    Raises
+    ------
+    InputError
+        Where to write them instead.
+    """
     pixels = cube.layout.pixels
     n_columns = len(cube.layout.freqs) + bool(pixels.whole_sky and pixels.partial)
     if pixels.whole_sky and ending_of(Path(path)).startswith(".fits") and n_columns > _COLUMNS:
@@ -41,10 +47,24 @@ def check_columns(cube, path):
 
 
 def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
-    """`path` of a cleaned cube, or with `page` of one in HTML, if it can be written, before the work begins.
+    """`path` of a cleaned cube, or of a page, as one that can be written, or an error before the work begins.
 
-    Refused are another ending, a folder that cannot be written to, a file that is there already without
-    `overwrite`, and one of the files `inputs`; `endings` are those of further files of its name.
+    Parameters
+    ----------
+    path, overwrite
+        The file, and whether it may be there already.
+    inputs
+        Files that are never written over.
+    endings
+        Those of further files of its name.
+    page
+        Whether it is a page in HTML.
+
+    Raises
+    ------
+    InputError
+        Another ending, a folder that cannot be written to, a file that is there and not to be overwritten, or
+        one of `inputs`.
     """
     path = Path(path)
     if page and path.suffix != ".html":
