@@ -199,9 +199,7 @@ def recovered_power(truth_alms, error, *, mask=None):
     if mask is not None or np.ndim(truth_alms) != 2 or len(truth_alms) != n_channels:
         _check_alms(truth_alms, (n_channels, n_pix))
     lmax = sphere.lmax_of_size(truth_alms.shape[1])
-    zonal = truth_alms[:, : lmax + 1].real.astype(np.float64)  # those of m = 0 have no twin of negative m
-    squares = [np.vdot(alm, alm).real for alm in truth_alms]
-    variance = (2 * np.array(squares) - np.sum(zonal**2, axis=1)) / (4 * np.pi)
+    variance = sphere.power_spectrum(truth_alms) @ (2 * np.arange(lmax + 1) + 1) / (4 * np.pi)
     alms = np.empty((len(error.maps), truth_alms.shape[1]), dtype=np.complex64)
     for spectrum, pixels, alm in zip(error.spectra.T, error.maps, alms, strict=True):
         maps = weighted(pixels, weights)

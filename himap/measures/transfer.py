@@ -18,6 +18,7 @@ from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
 from himap.measures import diagnostics
+from himap.removal.harmonic import to_modes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,7 +240,7 @@ def mock_power(alms, error, channel_width):
         alms,
         len(error.spectra),
         channel_width,
-        lambda waves, degree: waves + spectra @ _real_modes(more, degree),
+        lambda waves, degree: waves + spectra @ to_modes(more, degree, degree),
     )
 
 
@@ -258,7 +259,7 @@ def mock_power_of_cubes(alms, output_alms, channel_width):
         alms,
         len(output_alms),
         channel_width,
-        lambda _, degree: fft.rfft(_real_modes(output_alms, degree), axis=0),
+        lambda _, degree: fft.rfft(to_modes(output_alms, degree, degree), axis=0),
     )
 
 
@@ -304,15 +305,7 @@ def _harmonic_powers(rows, n_channels, channel_width):
 def _waves(alms):
     """Pairs of every l and the Fourier transforms along frequency of its real modes, (n_k, 2 l + 1)."""
     for degree in progress(range(sphere.lmax_of_size(alms.shape[-1]) + 1), "powers"):
-        yield degree, fft.rfft(_real_modes(alms, degree), axis=0)
-
-
-def _real_modes(alms, degree):
-    """The real modes of one l, (n, 2 l + 1), of coefficients (n, n_alm): those of m > 0 have two parts."""
-    places = sphere.alm_index(sphere.lmax_of_size(alms.shape[-1]), degree, np.arange(degree + 1))
-    modes = alms[:, places].astype(complex)
-    zonal, others = modes[:, :1].real, np.sqrt(2) * modes[:, 1:]
-    return np.hstack([zonal, others.real, others.imag])
+        yield degree, fft.rfft(to_modes(alms, degree, degree), axis=0)
 
 
 def quotient(power, ratio):
