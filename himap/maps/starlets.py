@@ -25,15 +25,15 @@ def starlet_low_passes(n_scales, lmax):
     return 1.5 * cubic_b_spline(2 * scale * np.arange(lmax + 1) / lmax)
 
 
-def starlet_bands(n_scales, lmax):
-    """For every scale, fine to coarse: which coefficients to `lmax` it has, and its filter on those.
+def bands_of(filters):
+    """For each of some filters, (n, lmax + 1): which coefficients to lmax pass it, and its values on those.
 
     These are all coefficients up to some l, so they can be transformed directly. Coarse scales
     end at small l, where transforms are cheap.
     """
-    degree = sphere.alm_degree(lmax)
+    degree = sphere.alm_degree(filters.shape[1] - 1)
     bands = []
-    for values in starlet_filters(n_scales, lmax):
+    for values in filters:
         keep = degree <= np.flatnonzero(values).max(initial=1)
         bands.append((keep, values[degree[keep]]))
     return bands
@@ -120,19 +120,14 @@ class PlaneStarlets:
         self._distances = [2**scale for scale in range(n_scales)]
         self._shares = [image / np.where(image, _summed(image, step), 1) for step in self._distances]
 
-    def scales(self, maps):
-        """Scales of maps, fine to coarse, the smooth rest last: (n_scales + 1, n_maps, n_pix) float64."""
-        out = np.empty((len(self._distances) + 1, *maps.shape))
+    def details(self, maps):
+        """Detail scales of maps, fine to coarse, (n_scales, n_maps, n_pix) float64."""
+        out = np.empty((len(self._distances), *maps.shape))
         smooth = self._images_of(maps)
-        for step, share, scale in zip(self._distances, self._shares, out[:-1], strict=True):
+        for step, share, scale in zip(self._distances, self._shares, out, strict=True):
             finer, smooth = smooth, share * _summed(smooth, step)
             scale[:] = (finer - smooth)[:, self._image]
-        out[-1] = smooth[:, self._image]
         return out
-
-    def details(self, maps):
-        """`scales` without the smooth rest, (n_scales, n_maps, n_pix)."""
-        return self.scales(maps)[:-1]
 
     def details_adjoint(self, scales):
         """The transpose of `details`, (n_scales, n_maps, n_pix) to (n_maps, n_pix)."""

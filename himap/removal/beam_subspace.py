@@ -8,7 +8,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.starlets import noise_of_scales, starlet_bands, starlet_filters
+from himap.maps.starlets import bands_of, noise_of_scales, starlet_filters
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
@@ -136,8 +136,8 @@ class BeamSubspace(ForegroundRemover):
         source per mode, (n_l, n_sources). `weights` of the grid, (n_grid,), multiply the coefficients.
         """
         lmax, kept = len(noise) - 1, np.empty_like(sources)
-        bands = starlet_bands(self.n_scales, lmax)[:-1]
-        levels = noise_of_scales(starlet_filters(self.n_scales, lmax)[:-1], noise)
+        filters = starlet_filters(self.n_scales, lmax)[:-1]
+        bands, levels = bands_of(filters), noise_of_scales(filters, noise)
         for alm, level_of_scale, out in zip(harmonic.from_modes(sources), levels.T, kept, strict=True):
             scales = [sphere.synthesise_grid(alm[keep] * band, lmax) for keep, band in bands]
             for scale, level in zip(scales, level_of_scale, strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.low_rank import SplitCube, projection
-from himap.maps.starlets import PlaneStarlets, starlet_bands
+from himap.maps.starlets import PlaneStarlets, bands_of, starlet_filters
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import bright_axes, channel_covariance, principal_axes
 from himap.removal.harmonic import safe_inverse
@@ -138,7 +138,7 @@ class SphereDetails:
 
     def __init__(self, n_scales, nside):
         self._n_scales, self._nside = n_scales, nside
-        bands = starlet_bands(n_scales, 3 * nside - 1)[1:]
+        bands = bands_of(starlet_filters(n_scales, 3 * nside - 1)[1:])
         widest = bands[0][0]  # every scale but the finest, among the coefficients of the widest of them
         self._bands = [(keep[widest], band) for keep, band in bands]
         self._n_alm = len(self._bands[0][0])

@@ -3,7 +3,7 @@
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.starlets import cubic_b_spline, noise_of_scales, starlet_low_passes
+from himap.maps.starlets import bands_of, cubic_b_spline, noise_of_scales, starlet_low_passes
 from himap.removal import harmonic
 from himap.removal.thresholds import deviation, shrink
 
@@ -30,9 +30,7 @@ class Scales:
         self.low_passes = low_passes(method.n_scales, lmax, method.wavelets)
         self.detail = 1 - self.low_passes[-1]
         self.bands = -np.diff(np.vstack([np.ones(lmax + 1), self.low_passes]), axis=0)
-        degree = sphere.alm_degree(lmax)
-        kept = [degree <= np.flatnonzero(low_pass).max(initial=0) for low_pass in self.low_passes]
-        self._filters = [(k, row[degree[k]]) for k, row in zip(kept, self.low_passes, strict=True)]
+        self._filters = bands_of(self.low_passes)
 
     def threshold(self, mixture, inverses, share, memory=None):
         """Sources after the thresholds, with their smooth scale, and their coefficients.
