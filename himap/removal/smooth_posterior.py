@@ -16,7 +16,7 @@ from himap.removal.smooth_spectra import (
     faint_covariance,
     multipole_bands,
     signal_variance,
-    smooth_basis,
+    smooth_seen,
 )
 from himap.removal.spectral_filter import SpectralFilter, filtered
 
@@ -93,8 +93,8 @@ class SmoothForeground:
 
     def mean(self, data):
         """The mean of the foreground given the data, and the filter that makes it, a `FilteredSeparation`."""
-        spectra, estimators = [], []
-        edges, seen = multipole_bands(_lmax(data)), _seen(data)
+        spectra, estimators, seen = [], [], smooth_seen(data, N_SMOOTH)
+        edges = multipole_bands(len(seen) - 1)
         for (first, last), faint, root, axes in zip(edges, self.faint, self.roots, self.axes, strict=True):
             within = seen[first : last + 1] @ root @ axes
             weighted = np.linalg.solve(faint, within)
@@ -111,16 +111,6 @@ class SmoothForeground:
         return FilteredSeparation(
             mixing=mean.spectra, sources=mean.maps, low_rank=mean, filter=linear, means=data.means
         )
-
-
-def _lmax(data):
-    return min(3 * sphere.nside_of(data.maps), data.beams.shape[1]) - 1
-
-
-def _seen(data):
-    """Smooth functions through the beams, (n_l, n_channels, n_smooth)."""
-    windows = (data.beams / data.beams.max(axis=0)).T[: _lmax(data) + 1, :, None]
-    return windows * smooth_basis(data.freqs, N_SMOOTH)
 
 
 def foreground_given(data, products):
@@ -142,7 +132,8 @@ def foreground_given(data, products):
     wanted = f"error bars need the foreground as {N_SMOOTH} smooth functions of frequency"
     if len(freqs) <= N_SMOOTH:
         raise InputError(f"{wanted}, so more channels than these, got {len(freqs)}: take more channels.")
-    edges, seen, modes = multipole_bands(_lmax(data)), _seen(data), data.modes
+    seen, modes = smooth_seen(data, N_SMOOTH), data.modes
+    edges = multipole_bands(len(seen) - 1)
     products = [_scaled(modes, *one, seen) for one in zip(edges, products, strict=True)]
     faint = np.array([faint_covariance(product, freqs, 0) for product in products])
     pairs = zip(faint, products, strict=True)

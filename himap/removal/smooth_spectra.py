@@ -77,18 +77,14 @@ class SmoothSpectra(ForegroundRemover):
             )
 
     def _separate(self, data):
-        maps, freqs, beams, modes = data.centred, data.freqs, data.beams, data.modes
-        nside = sphere.nside_of(maps)
-        lmax = min(3 * nside, beams.shape[1]) - 1
-        windows = (beams / beams.max(axis=0))[:, : lmax + 1]
+        maps, freqs, modes = data.centred, data.freqs, data.modes
         rounding = _ROUNDING**2 * np.mean(np.square(maps, dtype=np.float64)) * 4 * np.pi / maps.shape[1]
-        basis = smooth_basis(freqs, self.n_smooth)
-        edges, bands = multipole_bands(lmax), []
+        seen = smooth_seen(data, self.n_smooth)
+        edges, bands = multipole_bands(len(seen) - 1), []
         for first, last in progress(edges, self.name):
             blocks = [modes.at(degree) for degree in range(first, last + 1)]
-            seen = windows.T[first : last + 1, :, None] * basis
             try:
-                bands.append(_settled(blocks, seen, freqs, rounding, self.n_sources))
+                bands.append(_settled(blocks, seen[first : last + 1], freqs, rounding, self.n_sources))
             except np.linalg.LinAlgError:
                 raise InputError(
                     f"HI and {self.n_smooth} smooth functions cannot be separated over "
@@ -105,11 +101,11 @@ class SmoothSpectra(ForegroundRemover):
         )
         amplitudes = np.hstack(amplitudes)
         axes = np.linalg.eigh(amplitudes @ amplitudes.T)[1][:, ::-1][:, : self.n_sources]
-        mixing, sources = ordered(basis @ axes, axes.T @ amplitudes)
+        mixing, sources = ordered(smooth_basis(freqs, self.n_smooth) @ axes, axes.T @ amplitudes)
         return FilteredSeparation(
             low_rank=filtered(linear.spectra, linear.estimators, maps, modes),
             mixing=mixing,
-            sources=sphere.synthesise(harmonic.from_modes(sources), nside),
+            sources=sphere.synthesise(harmonic.from_modes(sources), sphere.nside_of(maps)),
             converged=all(converged),
             n_iterations=max(n_turns),
             filter=linear,
@@ -176,6 +172,12 @@ def smooth_basis(freqs, n_smooth):
     x = 2 * (x - x[0]) / (x[-1] - x[0]) - 1
     power_law = (freqs / freqs[0]) ** _INDEX
     return np.linalg.qr(power_law[:, None] * np.polynomial.legendre.legvander(x, n_smooth - 1))[0]
+
+
+def smooth_seen(data, n_smooth):
+    """Smooth functions through the beams over the best, (n_l, n_channels, n_smooth), as far as both reach."""
+    windows = (data.beams / data.beams.max(axis=0)).T[: 3 * sphere.nside_of(data.maps), :, None]
+    return windows * smooth_basis(data.freqs, n_smooth)
 
 
 def multipole_bands(lmax):
