@@ -101,7 +101,7 @@ def inpainted_maps(lines, kept, modes):
     Of `lines` (n_channels, n_kept), mK, and their `modes`, the `cube_modes` with `kept` (n_pix,) bool.
     """
     maps = scattered(lines, kept)
-    bright = sphere.synthesise(harmonic.from_modes(modes.bright), sphere.nside_of(kept))[:, ~kept]
+    bright = harmonic.synthesise(modes.bright, sphere.nside_of(kept))[:, ~kept]
     for spectrum, out in zip(modes.spectra, maps, strict=True):
         out[~kept] = spectrum @ bright
     return maps

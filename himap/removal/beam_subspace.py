@@ -107,7 +107,7 @@ class BeamSubspace(ForegroundRemover):
         return Separation(
             low_rank=through_beams(maps, mixing, beams / best, modes),
             mixing=mixing,
-            sources=sphere.synthesise(harmonic.from_modes(sources), nside),
+            sources=harmonic.synthesise(sources, nside),
             converged=converged,
             n_iterations=n_iterations,
         )

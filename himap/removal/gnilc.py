@@ -96,26 +96,21 @@ class GNILC(ForegroundRemover):
                 prior = stationary(band_covariance(mock, window))
             columns, rows = foreground_filter(covariance, prior)
             spectra.append(columns)
-            sources.append(_maps(window[degrees] ** 2 * modes.along(rows, lmax), nside))
+            sources.append(harmonic.synthesise(window[degrees] ** 2 * modes.along(rows, lmax), nside))
             n_modes = self.bias * np.sum((2 * np.arange(lmax + 1) + 1) * window**2)  # over regions
             if len(prior) < n_modes:
                 width = np.sqrt(len(prior) / n_modes)
-                needlet = _maps(window[harmonic.degrees(last)] * modes.upto(last), nside)
+                needlet = harmonic.synthesise(window[harmonic.degrees(last)] * modes.upto(last), nside)
                 more = local_difference(needlet, prior, (columns, rows), width)
                 alms = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
                 local = local + alms * window[sphere.alm_degree(lmax)].astype(np.float32)
         # Beyond the last l: what is in the maps less what is in their modes.
-        sources[-1] += projection(rows, maps) - _maps(modes.along(rows, lmax), nside)
+        sources[-1] += projection(rows, maps) - harmonic.synthesise(modes.along(rows, lmax), nside)
         if np.ndim(local):
             spectra.append(np.eye(len(maps)))
             sources.append(sphere.synthesise(local, nside).astype(np.float64))
         mixing, sources = ordered(np.hstack(spectra), np.concatenate(sources))
         return Separation(mixing=mixing, sources=sources)
-
-
-def _maps(modes, nside):
-    """Maps of real modes, (n, (lmax + 1)^2) to (n, n_pix)."""
-    return sphere.synthesise(harmonic.from_modes(modes), nside)
 
 
 def foreground_filter(covariance, prior):

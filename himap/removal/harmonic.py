@@ -52,6 +52,11 @@ def from_modes(modes):
     return numbers.view(np.complex128)
 
 
+def synthesise(modes, nside):
+    """Maps of real modes, (..., (lmax + 1)^2) to (..., n_pix) float64."""
+    return sphere.synthesise(from_modes(modes), nside)
+
+
 def blocks(modes):
     """The modes of each l in turn, views (..., 2 l + 1)."""
     lmax = round(np.sqrt(modes.shape[-1])) - 1

@@ -226,5 +226,5 @@ def _with_scatter(mean, rng):
         # Of draws in channels: the axes, and so draws along them, have a sign by chance.
         drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
         out[:] = (axes.T @ space) @ (root @ drawn)
-    more = sphere.synthesise(harmonic.from_modes(modes), sphere.nside_of(mean.sources))
+    more = harmonic.synthesise(modes, sphere.nside_of(mean.sources))
     return replace(mean, low_rank=mean.foreground + LowRankCube(spectra=axes, maps=more))

@@ -105,7 +105,7 @@ class SmoothSpectra(ForegroundRemover):
         return FilteredSeparation(
             low_rank=filtered(linear.spectra, linear.estimators, maps, modes),
             mixing=mixing,
-            sources=sphere.synthesise(harmonic.from_modes(sources), sphere.nside_of(maps)),
+            sources=harmonic.synthesise(sources, sphere.nside_of(maps)),
             converged=all(converged),
             n_iterations=max(n_turns),
             filter=linear,

@@ -50,7 +50,7 @@ def filtered(spectra, estimators, maps, modes):
     for degree, out in enumerate(harmonic.blocks(more)):
         data = modes.at(degree)
         out[:] = within[degree] @ (estimators[degree] @ data) - within[-1] @ (estimators[-1] @ data)
-    foreground += sphere.synthesise(harmonic.from_modes(more), sphere.nside_of(maps))
+    foreground += harmonic.synthesise(more, sphere.nside_of(maps))
     return LowRankCube(spectra=axes, maps=foreground)
 
 

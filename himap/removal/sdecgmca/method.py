@@ -210,7 +210,7 @@ class SDecGMCA(ForegroundRemover):
         return Separation(
             low_rank=low_rank,
             mixing=mixing,
-            sources=sphere.synthesise(harmonic.from_modes(sources), nside),
+            sources=harmonic.synthesise(sources, nside),
             converged=fit.converged,
             n_iterations=fit.diagnostics["n_warmup"] + fit.diagnostics["n_refinement"],
             lmax=lmax if self.beyond == "cut" else None,
