@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from scipy.linalg import toeplitz
 
 from himap.maps import sphere
@@ -42,3 +43,12 @@ def make_sky(rng, n_components=3, brightness=1e3):
     return SimpleNamespace(
         maps=(truth + foreground).astype(np.float32), truth=truth, foreground=foreground, hi=np.array(hi)
     )
+
+
+def check_mean(linear):
+    """A `SpectralFilter` is F (F + C)^-1, with the covariances as matrices between channels (Wiener 1949)."""
+    for degree in (3, 11, 30):
+        spectra, faint = linear.spectra[degree], linear.faint_at(degree)
+        foreground = spectra @ spectra.T
+        expected = np.linalg.solve(foreground + faint, foreground).T
+        assert spectra @ linear.estimators[degree] == pytest.approx(expected, abs=1e-4)

@@ -21,6 +21,12 @@ FREQS = np.linspace(900, 1400, 8)
 QUICK = {"n_sources": 4, "n_warmup": 10, "n_refinement": 5, "noise": 0.5, "n_scales": 3}
 
 
+def mixture_of(maps, noise=None, **options):
+    """The data of maps up to `LMAX`, all channels with the same noise per mode."""
+    modes = harmonic.to_modes(sphere.analyse(maps, LMAX))
+    return BlurredMixture(modes, BEAMS[:, : LMAX + 1], noise and np.full(len(maps), noise), **options)
+
+
 def clean(method, maps, **options):
     return method.clean(maps, freqs=FREQS, beams=options.pop("beams", BEAMS), **options)
 
@@ -28,12 +34,7 @@ def clean(method, maps, **options):
 class TestSeparation:
     def test_least_squares_both_ways(self, problem):
         maps, mixing, sources = problem
-        data = BlurredMixture(
-            modes=harmonic.to_modes(sphere.analyse(maps, LMAX)),
-            beams=BEAMS[:, : LMAX + 1],
-            noise=None,
-            floor=0,
-        )
+        data = mixture_of(maps, floor=0)
         found = data.sources(data.inverses(mixing, 0))
         assert found == pytest.approx(sources, abs=2e-4 * np.abs(sources).max())
         assert data.fit(sources, np.ones(LMAX + 1)) == pytest.approx(mixing, abs=1e-4)
@@ -82,10 +83,9 @@ class TestSeparation:
         maps, mixing, _ = problem
         mixing = mixing.copy()
         mixing[:, 1] = mixing[:, 0] + 1e-6 * mixing[:, 1]
-        modes = harmonic.to_modes(sphere.analyse(maps, LMAX))
         floored = []
         for floor in (1e-9, 1e-14):
-            mixture = BlurredMixture(modes, BEAMS[:, : LMAX + 1], np.full(len(maps), 1e-12), floor)
+            mixture = mixture_of(maps, noise=1e-12, floor=floor)
             method = SDecGMCA(n_sources=4, last="unregularised", last_floor=floor, beyond="cut")
             _, epsilon = method.last_sources(mixture, None, mixing, None)
             floored.append(mixture.floored(mixing, epsilon))
@@ -113,12 +113,11 @@ class TestRestarts:
     def test_cost_is_misfit_and_penalty(self, problem, rng):
         """Of sources that vanish it is the power of the data, of those of the truth only the penalty."""
         maps, mixing, sources = problem
-        modes = harmonic.to_modes(sphere.analyse(maps, LMAX))
-        mixture = BlurredMixture(modes, BEAMS[:, : LMAX + 1], np.full(len(maps), 1e-6))
+        mixture = mixture_of(maps, noise=1e-6)
         method = SDecGMCA(n_sources=4, thresholds="analytic", n_scales=3)
         scales = Scales(method, LMAX, NSIDE)
         step = Step(mixing=mixing, sources=0 * sources, refining=True, change=0, converged=True)
-        assert method._cost(mixture, scales, step) == pytest.approx(np.sum(modes**2))
+        assert method._cost(mixture, scales, step) == pytest.approx(np.sum(mixture.modes**2))
         true = method._cost(mixture, scales, replace(step, sources=sources))
         louder = replace(mixture, noise=4 * mixture.noise)
         misfit = np.sum(mixture.residual(mixing, sources) ** 2)

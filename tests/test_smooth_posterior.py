@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from smooth_problem import BEAMS, FREQS, LMAX, NSIDE, hi_covariance, make_sky
+from smooth_problem import BEAMS, FREQS, LMAX, NSIDE, check_mean, hi_covariance, make_sky
 
 from himap.maps import sphere
 from himap.removal import harmonic
@@ -44,14 +44,8 @@ def test_products_are_those_of_the_field(products):
 
 
 def test_the_mean_is_that_of_the_foreground_given_the_data(products):
-    """F (F + C)^-1 X, with the covariances as matrices between channels (Wiener 1949)."""
     data = data_of(make_sky(np.random.default_rng(8)).maps)
-    linear = foreground_given(data, products).mean(data).filter
-    for degree in (3, 11, 30):
-        spectra, faint = linear.spectra[degree], linear.faint_at(degree)
-        foreground = spectra @ spectra.T
-        expected = np.linalg.solve(foreground + faint, foreground).T
-        assert spectra @ linear.estimators[degree] == pytest.approx(expected, abs=1e-4)
+    check_mean(foreground_given(data, products).mean(data).filter)
 
 
 @pytest.mark.parametrize(("brightness", "close"), [(50, 0.012), (300, 0.012), (3e3, 0.1)])

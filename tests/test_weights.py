@@ -6,8 +6,7 @@ from numpy.polynomial import Polynomial as NumpyPolynomial
 from scipy.optimize import minimize
 
 from himap.core.errors import InputError
-from himap.removal import available, create, weighted_pca
-from himap.removal.base import REGISTRY
+from himap.removal import available, create, using, weighted_pca
 from himap.removal.data import Data
 from himap.removal.pca import PCA
 from himap.removal.peaks import mask_peaks
@@ -16,7 +15,7 @@ from himap.removal.polynomial import Polynomial
 N_PIX = 300
 FREQS = np.linspace(900, 1100, 16)
 SPECTRA = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
-TAKING = [name for name in available() if "weights" in REGISTRY[name].uses]
+TAKING = using("weights")
 OPTIONS = {"polynomial": {"order": 3}}
 
 
