@@ -32,6 +32,7 @@ def cluster():
 @pytest.fixture
 def address(cluster, monkeypatch):
     monkeypatch.setenv(DASK_VARIABLE, cluster.scheduler_address)
+    return cluster.scheduler_address
 
 
 def test_errors_come_back(address, monkeypatch, tmp_path):
@@ -46,36 +47,38 @@ import os, signal
 from pathlib import Path
 from himap.removal.pca import PCA
 
-def patched(separate):
-    def fatal(self, *args, **options):
-        try:
-            Path(os.environ["HIMAP_TEST_VICTIM"]).open("x").close()
-        except FileExistsError:
-            return separate(self, *args, **options)
-        os.kill(os.getpid(), signal.SIGKILL)
-    return fatal
+def fatal(self, *args, **options):
+    try:
+        Path(os.environ["HIMAP_TEST_VICTIM"]).open("x").close()
+    except FileExistsError:
+        return fatal.real(self, *args, **options)
+    os.kill(os.getpid(), signal.SIGKILL)
 
-if PCA._separate.__name__ != "fatal":  # a worker may load this twice
-    PCA._separate = patched(PCA._separate)
+fatal.real, PCA._separate = PCA._separate, fatal
+"""
+MEND = """
+from himap.removal.pca import PCA
+
+PCA._separate = getattr(PCA._separate, "real", PCA._separate)  # a new worker has it
 """
 
 
-def test_what_a_worker_had_that_dies_is_done_by_another(monkeypatch, tmp_path):
+def test_what_a_worker_had_that_dies_is_done_by_another(address, monkeypatch, tmp_path):
     """The first worker that cleans kills itself; the results are those of an undisturbed run."""
-    (tmp_path / "fatal.py").write_text(KILL)
     victim = tmp_path / "victim"
     monkeypatch.setenv("HIMAP_TEST_VICTIM", str(victim))
-    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "undisturbed"))
-    expected = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "cache"))
-    with distributed.LocalCluster(**TWO, preload=[str(tmp_path / "fatal.py")]) as two:
-        monkeypatch.setenv(DASK_VARIABLE, two.scheduler_address)
+    with distributed.Client(address) as client:
+        client.run(exec, KILL, {})
         assert make_all(WORK, "test") == len(CALLS)
+        client.run(exec, MEND, {})
     assert victim.exists()
+    assert "unfinished" not in {entry.product for entry in cache.cache_info()}
     monkeypatch.delenv(DASK_VARIABLE)
     found = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path / "undisturbed"))
+    expected = [cleaned.assessment(*call).power_spectra.angular.cl for call in CALLS]
     assert all(np.array_equal(one, two) for one, two in zip(expected, found, strict=True))
-    assert "unfinished" not in {entry.product for entry in cache.cache_info()}
 
 
 @pytest.mark.filterwarnings("default")
