@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from himap.core.survey import Survey
+from himap.core.survey import PRESETS, Survey
 from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
+from himap.instrument.noise import noise_sigma
 from himap.measures.diagnostics import Comparison
 from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
 from himap.paper import cleaned
@@ -55,6 +56,16 @@ def test_another_beam_in_the_place_of_the_oscillating_one():
     cases = Realisation(survey=SURVEY, oscillating=MeerKAT()).cases
     three = ["degraded", "evolving", "meerkat"]
     assert [str(case.beam) for case, *_ in cases.values()] == [*three, *three, *["meerkat"] * 3]
+
+
+@pytest.mark.parametrize("reading", ["deviation", "variance"])
+def test_noise_is_that_of_the_paper_s_pixels_and_channels(reading):
+    """Noise is white, C_l = sigma^2 Omega_pixel, and no beam smooths it but the degraded one."""
+    sky = replace(SKY, survey=replace(SURVEY, noise_reading=reading))
+    noise = sky.noise_over_hi("evolving").angular
+    paper = replace(PRESETS["paper"], noise_reading=reading)
+    expected = np.mean(noise_sigma(paper) ** 2) * 4 * np.pi / paper.n_pix
+    assert np.average(noise, weights=2 * np.arange(len(noise)) + 5) == pytest.approx(expected, rel=0.05)
 
 
 def test_every_assessment_that_the_claims_need():

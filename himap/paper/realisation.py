@@ -1,11 +1,13 @@
 """What the claims are judged on: every method on every case of one sky, against the truth."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+
+import numpy as np
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
-from himap.core.survey import Survey
+from himap.core.survey import PRESETS, Survey
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.paper import Degraded, Evolving, Oscillating
 from himap.measures import diagnostics
@@ -215,8 +217,17 @@ class Realisation:
         return dict(zip(evidence.STANDING_OUT, self._fact(("voxels", case)).tolist(), strict=True))
 
     def noise_over_hi(self, beam):
-        """`Comparison` of the noise with HI, each by itself as it is in the truth."""
-        return Comparison.of(*self._fact(("noise", beam)), l_top=2 * self.survey.nside)
+        """`Comparison` of the noise with HI, each by itself as it is in the truth.
+
+        C_l of the noise are those of the paper's pixels and channels, see `noise.noise_sigma`.
+        """
+        noise, hi = self._fact(("noise", beam))
+        paper, survey = PRESETS["paper"], self.survey
+        wider = survey.channel_width / paper.channel_width
+        scale = np.sqrt(wider) if survey.noise_reading == "variance" else wider
+        cl = noise.angular.cl * scale * (survey.nside / paper.nside) ** 2
+        noise = replace(noise, angular=replace(noise.angular, cl=cl))
+        return Comparison.of(noise, hi, l_top=2 * survey.nside)
 
     def without_sources(self):
         """`Comparison` of the parametric fit on the degraded case of a sky without point sources.

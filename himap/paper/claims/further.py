@@ -194,9 +194,9 @@ def subdominant_noise(sky):
     The power spectra of noise and HI, as they enter the truth: HI through the beam; the noise of the pixels,
     which only the degraded beam smooths. The noise is subdominant if its power is below that of HI, by more
     than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k. Six main parts: each
-    spectrum with each beam. The paper gives the noise of a pixel, whatever the size of the pixel, so that its
-    C_l is proportional to the area of the pixels: the result holds for the resolution at which it was
-    measured.
+    spectrum with each beam. The noise of a pixel does not depend on its size, so that C_l of the noise are
+    proportional to the area of pixels, and inversely to the width of channels: they are those of pixels and
+    channels as large as the paper's.
     """
     parts, median, most = (), {}, {}
     for beam in BEAMS:

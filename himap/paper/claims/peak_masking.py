@@ -59,9 +59,9 @@ def excess_of_masking(sky):
     first baseline is that of HI, noise and foreground, each less its baseline; the voxel is ripple if the
     foreground contributes most. More than a fifth of the masked voxels are ripple; most of them cannot be,
     since B3 states that they are HI. Main parts: PCA/ICA, GMCA and SD; the voxels, without premise where no
-    method has the excess; each with the sigma of the clipping with which it holds best: that of each line of
-    sight, with which a sine can never exceed 5 sigma, of each channel, or of the cube, since the paper does
-    not say which. Other parts: those with each sigma.
+    method has the excess. The paper does not say what sigma of the clipping is: that of each line of sight,
+    with which a sine can never exceed 5 sigma, of each channel, or of the cube. The main parts are those with
+    the one with which most of them hold. Other parts: those with each sigma.
     """
     measure = angular_band("mean", 1, 10)
     clips = {"line": "oscillating"} | CLIPPED
@@ -77,16 +77,18 @@ def excess_of_masking(sky):
         ripple = counts[spread]["foreground"] / max(sum(counts[spread].values()), 1)
         ripple = ripple if _known(gone.values()) else None
         shares[f", sigma of the {spread}"] = gone | {"ripple": ripple}
-    best = {
-        name: max(_known(row[name] for row in shares.values()), default=None)
-        for name in (*unmasked, "ripple")
-    }
-    parts = ()
-    for clip, row in ({"": best} | shares).items():
-        gone = {name: row[name] for name in unmasked}
-        parts += parts_of(gone, above(MOST), f"excess gone without masking{clip}", main=not clip)
-        ripple = {"ripple": row["ripple"]}
-        parts += parts_of(ripple, above(NOTABLE), f"among the masked voxels{clip}", main=not clip)
+
+    def parts_with(row, clip=""):
+        gone, ripple = {name: row[name] for name in unmasked}, {"ripple": row["ripple"]}
+        return (
+            *parts_of(gone, above(MOST), f"excess gone without masking{clip}", main=not clip),
+            *parts_of(ripple, above(NOTABLE), f"among the masked voxels{clip}", main=not clip),
+        )
+
+    best = max(shares.values(), key=lambda row: sum(part.held is True for part in parts_with(row)))
+    parts = parts_with(best)
+    for clip, row in shares.items():
+        parts += parts_with(row, clip)
     wording = {"Mean C/C0 at l < 10 by the sigma of the clipping": masked, "without masking": unmasked}
     wording |= {"masked voxels by what stands out most": counts}
     return finding(best["ripple"], parts, wording)
