@@ -64,11 +64,11 @@ from himap.paper.experiments import find_experiment
 from himap.paper.readings import (
     BANDS,
     FAILING,
-    candidate_counts,
     candidates,
     ranked_candidates,
     readings,
     shares_first,
+    statement_counts,
 )
 from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.readings_figures import bands_figure, claims_figure, code_figure, curves_figure
@@ -242,17 +242,15 @@ ensembles = [
     Record.load(find_experiment("restarts"), path)
     for path in sorted(Path(folder or RESULTS).glob("restarts_*_candidates.json"))
 ]
-counted = [(ensemble, candidate_counts(ensemble.rows)) for ensemble in ensembles]
+counted = [(ensemble, statement_counts(ensemble.rows)) for ensemble in ensembles]
 for ensemble, counts in counted:
     table = readings_table.candidates_table(ensemble.rows, counts)
     display(Markdown(f"*{ensemble.made.footer()}*"), Table(table.columns, table.to_numpy()))
 at_laptop = [(one.rows, counts) for one, counts in counted if one.made.preset == "laptop"]
-rows, counts = at_laptop[0] if at_laptop else (record.rows[:0], None)
+rows, counts = at_laptop[0] if at_laptop else (record.rows[:0], statement_counts(record.rows[:0]))
 seeds = sorted({*rows["seed"]})
-is_selection = rows["seed"].isin(seeds[:2])
 selection, confirmation, everywhere = (
-    [label for label, *_ in ranked_candidates(outcomes_of(some))]
-    for some in (rows[is_selection], rows[~is_selection], rows)
+    [label for label, *_ in ranked_candidates(some)] for some in (counts[:2], counts[2:], counts)
 )  # the most charitable first
 
 
@@ -271,7 +269,7 @@ if len(seeds) > 1:
     values += (first[everywhere[0]], 2), (first[default], 2)
     ahead = counts[everywhere[0]] - counts[default]  # of the same skies and starts
     values += (ahead.mean(), 0.1), (ahead.sem(), 0.1)
-    without = candidate_counts(rows[rows["quantity"] != "O6"]).mean()
+    without = statement_counts(rows[rows["quantity"] != "O6"]).mean()
     values += (without.max(), 0.1), known[without.idxmax()].title, (without[default], 0.1)
     numbers = dict(zip(names, values, strict=True))
 n_starts = rows["restart"].nunique()

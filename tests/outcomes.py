@@ -38,4 +38,4 @@ def outcome(verdicts, *, values=None, runs=None):
         for name, points in CURVES.items()
         for x, value in points
     ]
-    return Outcome(entries=entries, numbers=numbers, curves=pd.DataFrame(curves))
+    return Outcome(entries=entries, numbers=numbers, curves=pd.DataFrame(curves), statements=0.0)

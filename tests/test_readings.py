@@ -4,14 +4,15 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
-from ledgers import SHORT, TINY, judged
+from ledgers import SHORT, TINY
 from outcomes import outcome, run
 
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.maps import sphere
-from himap.paper.claims import CLAIMS, REPRODUCED, Part
+from himap.paper.claims import CLAIMS, REPRODUCED
 from himap.paper.experiments import readings as experiment
 from himap.paper.experiments import restarts
 from himap.paper.experiments.claims import judge
@@ -20,13 +21,12 @@ from himap.paper.readings import (
     BANDS,
     COLUMNS,
     Reading,
-    candidate_counts,
     candidates,
-    charity,
     outcomes,
     ranked_candidates,
     readings,
     shares_first,
+    statement_counts,
 )
 from himap.paper.readings_table import candidates_table, shares_table
 from himap.paper.realisation import Realisation
@@ -163,34 +163,43 @@ class TestDefault:
     """The most charitable candidate, on made-up outcomes."""
 
     @staticmethod
-    def outcome(*shares):
-        """One claim with a main part on SDecGMCA for each share, over ten restarts, and parts of others."""
-        members = [
-            (
-                *(Part(f"{n}", k < 10 * share, True, "SD") for n, share in enumerate(shares)),
-                Part("other", True, True, "PCA/ICA"),
-                Part("not main", True, False, "SD"),
-            )
-            for k in range(10)
+    def rows(held, *, claim="D1", method="SD", main=True):
+        """Rows of {(label, seed): for each restart {part: whether it holds}} of a claim."""
+        empty = dict.fromkeys(restarts.EXPERIMENT.columns) | {"n_sources": 0, "quantity": claim}
+        empty |= {"method": method, "main": main}
+        return [
+            empty | {"seed": seed, "reading": label, "restart": restart, "part": part, "held": one}
+            for (label, seed), members in held.items()
+            for restart, parts in enumerate(members)
+            for part, one in parts.items()
         ]
-        return replace(outcome({}, runs=[run()]), entries={"D1": judged(members)})
+
+    def counts(self, *rows):
+        return statement_counts(restarts.EXPERIMENT.frame([row for several in rows for row in several]))
 
     def test_a_main_part_counts_the_share_in_which_it_holds(self):
-        assert charity(self.outcome(0.3, 0.9).entries.values()) == pytest.approx(1.2)
-        entries = {"M2": judged([(Part("lower peak", None, True, "SD"),)]), "O6": judged([()])}
-        assert charity(entries.values()) == 0  # premise absent, and does not apply
+        ten = {("code", 7): [{"a": k < 3, "b": k < 9} for k in range(10)]}
+        one, none = {("code", 7): [{"a": True}]}, {("code", 7): [{"a": None}]}
+        counts = self.counts(
+            self.rows(ten),
+            self.rows(one, method="PCA/ICA"),
+            self.rows(one, claim="D2", main=False),
+            self.rows(none, claim="M2"),  # premise absent
+            self.rows({("code", 7): [{None: None}]}, claim="O6"),  # does not apply
+        )
+        assert counts.loc[7].to_dict() == {"code": pytest.approx(1.2)}
+
+    def test_a_part_that_a_restart_does_not_have_does_not_hold_there(self):
+        counts = self.counts(self.rows({("code", 7): [{"a": True, "b": True}, {"a": True}]}))
+        assert counts.loc[7, "code"] == 1.5
 
     def test_the_default_is_the_most_charitable_and_of_two_that_nearer_to_the_text(self):
-        found = {
-            "code": self.outcome(0.3, 0.9),
-            "letter": self.outcome(0.6, 0.6),
-            "follow-up": self.outcome(1),
-        }
-        best = ranked_candidates(found)[0]
+        counts = pd.DataFrame({"code": [1.2], "letter": [1.2], "follow-up": [1.0]})
+        best = ranked_candidates(counts)[0]
         assert best[0] == "letter" and best[2] < len(readings()["code"].departures)
-        assert ranked_candidates(found | {"code": self.outcome(0.4, 0.9)})[0][0] == "code"
+        assert ranked_candidates(counts.assign(code=1.3))[0][0] == "code"
         single = next(label for label, one in readings().items() if label not in candidates() and one.changed)
-        assert ranked_candidates(found | {single: self.outcome(1, 1)})[0] == best  # no candidate
+        assert ranked_candidates(counts.assign(**{single: 2.0}))[0] == best  # no candidate
 
     def test_counts_by_sky_and_how_often_each_is_first(self):
         held = {"code": (True, True, True), "letter": (True, True, False), "follow-up": (False, False, False)}
@@ -204,7 +213,7 @@ class TestDefault:
         numbers = {"case": "oscillating", "quantity": "mean error", "value": 0.02}
         rows += [empty | {"seed": 7, "reading": label} | numbers for label in held]
         rows = restarts.EXPERIMENT.frame(rows)
-        counts = candidate_counts(rows)
+        counts = statement_counts(rows)
         assert counts.loc[[7, 8, 9], [*held]].to_numpy().T.tolist() == [[1, 1, 1], [1, 1, 0], [0, 0, 0]]
         first = shares_first(counts)
         # Both are equal where the sky 9 was not drawn: (2 / 3)^3 of the resamples.
@@ -234,9 +243,8 @@ class TestDefault:
             rows.append(empty | {"reading": "code"} | numbers)
         found = outcomes(restarts.EXPERIMENT.frame(rows))
         assert found["code"].numbers["mean error"].tolist() == [0.02]
-        counts = {label: charity(one.entries.values()) for label, one in found.items()}
+        counts = {label: one.statements for label, one in found.items()}
         assert counts == {"code": 0.5, "letter, beyond = projection": 1.0}
-        assert ranked_candidates(found)[0][0] == "letter, beyond = projection"
 
 
 class TestOutcome:

@@ -5,15 +5,14 @@ import math
 import pandas as pd
 
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
+from himap.paper.ensembles import failures
 from himap.paper.readings import (
     BANDS,
     candidates,
-    charity,
     ranked_candidates,
     readings,
     shares_first,
 )
-from himap.paper.readings import outcomes as outcomes_of
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "does not apply"
@@ -34,8 +33,7 @@ _MANY = 1e3  # from where on one digit and a power of ten are enough
 def summary_table(outcomes):
     """A DataFrame of texts with a row for each of {label: `Outcome`}.
 
-    How many of the paper's statements on SDecGMCA hold is the `charity`. Of bands and bump it is the value
-    that is furthest from 1 over all runs, as a factor, or a dash.
+    Of bands and bump it is the value that is furthest from 1 over all runs, as a factor, or a dash.
     """
     known, rows = readings() | candidates(), []
     for label, one in outcomes.items():
@@ -44,7 +42,7 @@ def summary_table(outcomes):
             {
                 "reading": known[label].title,
                 "departures from the text": f"{len(known[label].departures)}",
-                "statements on SD": f"{charity(one.entries.values()):.1f}",
+                "statements on SD": f"{one.statements:.1f}",
                 "fails": one.fails,
                 **{sign: f"{verdicts.count(verdict)}" for verdict, (sign, *_) in MARKS.items()},
                 **{name: _furthest(one.numbers.get(name, ())) for name in (*BANDS, "bump")},
@@ -117,9 +115,10 @@ def insensitive_claims(outcomes):
 def candidates_table(rows, counts):
     """A DataFrame of texts with a row for each candidate for the default, the most charitable first.
 
-    `rows` are those of a record of restarts, and `counts` the `candidate_counts` of them.
+    `rows` are those of a record of restarts, and `counts` the `statement_counts` of them.
     """
-    known, judged, first = readings() | candidates(), outcomes_of(rows), shares_first(counts)
+    known, first, failed = readings() | candidates(), shares_first(counts), failures(rows)
+    failed = failed[failed["case"] == "oscillating"].set_index("reading")
     return pd.DataFrame(
         {
             "candidate": known[label].title,
@@ -131,9 +130,9 @@ def candidates_table(rows, counts):
             "departures from the text": f"{distance}",
             "which": ", ".join(f"{name} = {value}" for name, value in known[label].departures.items())
             or "none",
-            "fails": judged[label].fails,
+            "fails": "{failed} of {members}".format(**failed.loc[label]),
         }
-        for label, count, distance in ranked_candidates(judged)
+        for label, count, distance in ranked_candidates(counts)
     )
 
 
