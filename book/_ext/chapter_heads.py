@@ -98,9 +98,7 @@ def _commits(results, patterns):
     return {name: commits[name] if name in old else "" for name in fitting}
 
 
-@cache
-def _stored(results):
-    return stored_results(results)
+_stored = cache(stored_results)
 
 
 @cache
