@@ -287,8 +287,8 @@ scatter = "With one start on each sky the scatter over skies cannot be separated
 if len(by_start) > 1:
     of_starts = (by_start[1] - by_start[0]).dropna()  # skies that have both
     size = np.sqrt((of_starts**2).mean(axis=None) / 2)
-    scatter = f"Counts of a candidate scatter by {size:.1f} over starts on the same sky ({len(of_starts)} of "
-    scatter += f"the skies have two), and by {np.sqrt(by_start[0].var().mean()):.1f} over skies"
+    scatter = f"Counts of a candidate scatter by {size:.1f} over starts on the same sky (skies with two: "
+    scatter += f"{len(of_starts)}), and by {np.sqrt(by_start[0].var().mean()):.1f} over skies"
 quote(
     readings_selection=listed(map(str, seeds[:2])),
     readings_confirmation=listed(map(str, seeds[2:])),
