@@ -19,7 +19,7 @@ from himap.sky.galaxy import Dimming
 from himap.store.store import product
 
 _PAPER_TOP = 200  # l up to which the paper shows angular spectra
-_UP_TO_TOP = ("D1", "E2", "O3", "O6", "R1", "N5", "A2", "V6", "V7")  # claims on multipoles near it
+_UP_TO_TOP = ("D1", "E2", "O3", "O6", "R1", "N5", "A2", "V4", "V6", "V7")  # claims on multipoles near it
 
 
 @dataclass(frozen=True)
