@@ -170,7 +170,7 @@ _LETTER = _CODE | {
 _ROUNDING = _CODE | {"last_floor": 1e-14}
 
 READINGS = {
-    "default": _ROUNDING | {"beyond": "regularised"},
+    "default": _LETTER | {"beyond": "projection"},
     "letter": _LETTER,
     "code": _CODE,
     "code-rounding": _ROUNDING,
