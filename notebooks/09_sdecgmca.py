@@ -121,10 +121,10 @@ medoid = study.medoid(selected, remover)
 #   \mathbf{A}^{\top} \mathrm{diag}(\hat H^\ell)\, \hat{\mathbf{X}}^{\ell m} ,
 # ```
 #
-# where $\epsilon$ keeps the inverse finite where the beam is small. In the default reading $\hat H$ is the
-# beam divided by that of the best channel at each $\ell$, as in the example of C21; in the paper it is the
-# beam. $\epsilon$ depends on $\mathbf{A}$ and the beam in the *warm-up*, and on the spectra of the last sources
-# in the *refinement* (strategies 3 and 4, Eqs. 26 and 27 of C21), with the strength $c$:
+# where $\epsilon$ keeps the inverse finite where the beam is small. $\hat H$ is the beam; in the example of C21
+# it is divided by that of the best channel at each $\ell$. $\epsilon$ depends on $\mathbf{A}$ and the beam in
+# the *warm-up*, and on the spectra of the last sources in the *refinement* (strategies 3 and 4, Eqs. 26 and
+# 27 of C21), with the strength $c$:
 #
 # ```{math}
 # :label: eq-sdecgmca-epsilon
@@ -138,9 +138,9 @@ medoid = study.medoid(selected, remover)
 # $K_\mathrm{max}$ during the warm-up, and reduced by their threshold, which in the refinement is lower for
 # large coefficients ($\ell_1$ reweighting).
 #
-# **Update of A**: least squares in every channel over all harmonics (in the default reading and the code of
-# C21 over the detail scales), then columns of unit length, in the paper, but not in the default reading,
-# without negative entries (Eqs. 14 to 16 of C21):
+# **Update of A**: least squares in every channel over all harmonics (in the code of C21 over the detail
+# scales), then columns of unit length without negative entries, which that code has by option (Eqs. 14 to 16
+# of C21):
 #
 # ```{math}
 # :label: eq-sdecgmca-mixing
@@ -167,8 +167,9 @@ show(rows)
 # ## What the paper leaves open
 #
 # The text can be implemented in several ways, and the public code of C21 deviates from it. A set of choices
-# is a *reading*; {doc}`../book/conventions` defines them and {doc}`16_readings` compares them. The default is
-# provisional. Captions state the reading, here {glue:text}`sdecgmca_reading`.
+# is a *reading*; {doc}`../book/conventions` defines them and {doc}`16_readings` compares them. The default,
+# [selected by a rule](readings-default), follows the text up to the last multipole. Captions state the
+# reading, here {glue:text}`sdecgmca_reading`.
 
 # %% tags=["hide-input"]
 head = ["Choice", *READINGS]
@@ -181,14 +182,14 @@ Markdown("\n".join(Table(head, body).markdown()))
 # %% [markdown]
 # ## The foreground model
 #
-# Four columns of $\mathbf{A}$ are nearly parallel; the last changes sign and has a weak ripple. No column has
-# the structure from channel to channel that a source with HI would have.
+# The columns of $\mathbf{A}$ have no negative entries and are nearly parallel. None has the structure from
+# channel to channel that a source with HI would have.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "Columns of the mixing matrix of SDecGMCA (medoid of the restarts). A smooth column can be foreground; one with structure from channel to channel follows HI and noise."}}
 mixing_figure(study, selected, medoid)
 
 # %% [markdown]
-# The sources partly cancel, as with GMCA.
+# The sources are brighter than the sky, and partly cancel, as with GMCA.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of these columns, in mK. Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, medoid)
@@ -196,22 +197,23 @@ sources_figure(study, selected, medoid)
 # %% [markdown]
 # ## The residual
 #
-# The error has no ridge along the Galactic plane. Its arcs and lattice follow the base pixels of HEALPix: they
-# are numerical ({ref}`sdecgmca-end`).
+# A restart that does not fail has hardly a ridge along the Galactic plane, and its error has the scales of
+# HI; one that fails has foreground there.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "A channel in the middle of the band: observed, recovered by SDecGMCA (medoid of the restarts), truth (HI plus noise), and recovered minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for recovered and truth; white: no error."}}
 channel_figure(study, selected, medoid)
 
 # %% [markdown]
-# With the degraded beam all restarts agree and $C/C_0$ is below 1. With the other two the medians have an
-# excess at the lowest $\ell$, which the paper has with the oscillating beam, a loss up to $\ell$ of about 20,
-# and are near 1 above, within the scatter of the restarts.
+# With the degraded beam all restarts agree and $C/C_0$ is below 1. With the other two some restarts fail and
+# have foreground residual at all multipoles. The others lose most at the lowest $\ell$ and are near 1 above;
+# the paper has an excess at the lowest $\ell$ with the oscillating beam.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
 # %% [markdown]
-# The paper has a small peak at the ripple, as here, and an excess at low $k_\nu$, where here power is lost.
+# The paper has a small peak at the ripple and an excess at low $k_\nu$. Restarts that fail have both, larger
+# than in the paper; the others lose power at low $k_\nu$, and their peak is small.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
@@ -237,7 +239,7 @@ show(numbers)
 # without.
 #
 # $C/C_0$ coincides up to the dotted line. Beyond it “regularised” has an excess, which is not the paper's
-# peak: these maps end below $\ell = 200$, and $\hat H$ is relative.
+# peak: these maps end below $\ell = 200$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "P/P0 (left) and C/C0 (right) for three treatments of the multipoles beyond the last of the inversion (dotted). Medians and bands of the restarts. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
 LOOKS = {
@@ -319,20 +321,18 @@ quote(
 )
 
 # %% [markdown]
-# The pattern of {numref}`fig-sdecgmca-maps` is numerical, from the inversion continued beyond
-# $\ell = 2\,N_\mathrm{side}$: HEALPix transforms are not exact there, so that maps of the bright foreground made
-# from its coefficients differ from the maps observed. It has the smooth spectrum of the foreground, adds to $P$ at
-# the smallest $k_\nu$, and has hardly any power at $\ell < 2\,N_\mathrm{side}$. `"projection"`, which
-# subtracts a part of the observed maps, does not have it, and differs from `"regularised"` in little else:
-# the rms error is {glue:text}`sdecgmca_error_projected` in place of {glue:text}`sdecgmca_error_continued`,
-# the mean $r$ {glue:text}`sdecgmca_r_projected` in place of {glue:text}`sdecgmca_r_continued`. With `"cut"`
-# the error includes the truth beyond the last multipole.
+# With `"regularised"` maps have a pattern of arcs and a lattice along the base pixels of HEALPix, which is
+# numerical: HEALPix transforms are not exact beyond $\ell = 2\,N_\mathrm{side}$, so that maps of the bright
+# foreground made from its coefficients differ from the maps observed. It has the smooth spectrum of the
+# foreground, and adds to $P$ at the smallest $k_\nu$. `"projection"`, which subtracts a part of the observed
+# maps, does not have it: the rms error is {glue:text}`sdecgmca_error_projected`, with `"regularised"`
+# {glue:text}`sdecgmca_error_continued`, the mean $r$ {glue:text}`sdecgmca_r_projected` and
+# {glue:text}`sdecgmca_r_continued`. With `"cut"` the error includes the truth beyond the last multipole.
 #
 # The paper explains the peak by $\epsilon$, which biases the foreground low and the residual high (see the
 # exercise). The figure has the $\epsilon$ of the last $\hat{\mathbf{S}}$; the first multipole with
 # $\epsilon > 0$ of strategy 3, that of the warm-up, for $c$ of Table 1 and the $\mathbf{A}$ of each restart
-# is (–: none in these maps, which do not hold $\ell = 200$), with $\hat H$ the beam as in the paper, not the
-# relative one of the default:
+# is (–: none in these maps, which do not hold $\ell = 200$):
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -356,7 +356,7 @@ show(numbers)
 # Curves that differ are possible results of the same data.
 
 # %% tags=["hide-input"]
-other = "letter" if reading != "letter" else "default"
+other = "code" if reading != "code" else "default"
 kinds = {
     f"SDecGMCA, {one}": sdecgmca_for(selected, n_sources=n_sources, reading=one) for one in (reading, other)
 }
@@ -469,8 +469,8 @@ quote(
 # ## Conclusions
 #
 # - SDecGMCA has the beam in its mixture, and needs an accurate one ({doc}`21_beam_errors`).
-# - The treatment beyond the last multipole alone changes $P(k_\nu)$, and in the default reading gives the maps
-#   a numerical error.
+# - The treatment beyond the last multipole alone changes $P(k_\nu)$; the regularised one gives the maps a
+#   numerical error.
 # - The iteration is chaotic: results need their scatter over restarts, and the number that failed.
 #
 # ## Exercise

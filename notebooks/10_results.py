@@ -30,7 +30,6 @@
 # residual, a ratio below 1 signal loss; a ratio of 1 can be a sum of both ({doc}`14_diagnostics` and
 # {doc}`23_thresholds` separate them). SDecGMCA is chaotic ({doc}`27_restarts`): its numbers are medians of
 # restarts, with their 16 to 84 % in brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading)).
-# This default is provisional and has $\hat H$ relative to the best channel where the paper has the beam;
 # {doc}`16_readings` has what depends on the reading.
 
 # %% tags=["parameters"]
@@ -194,9 +193,8 @@ quote(
 #   highest $P/P_0$ at the peak {glue:text}`results_oscillating_sd_peak` (PCA:
 #   {glue:text}`results_oscillating_pca_peak`). PCA with one component more has
 #   {glue:text}`results_oscillating_more_low`, {glue:text}`results_oscillating_more_fine` and
-#   {glue:text}`results_oscillating_more_peak`: a smaller peak than SDecGMCA, but more signal loss at all $\ell$ and
-#   at $k_\nu < 0.03$ MHz$^{-1}$ ({glue:text}`results_oscillating_more_slow`; SDecGMCA:
-#   {glue:text}`results_oscillating_sd_slow`).
+#   {glue:text}`results_oscillating_more_peak`, and at $k_\nu < 0.03$ MHz$^{-1}$ a mean $P/P_0$ of
+#   {glue:text}`results_oscillating_more_slow` (SDecGMCA: {glue:text}`results_oscillating_sd_slow`).
 # - PCA and FastICA have the same cleaned maps ({doc}`05_fastica`).
 #
 # All this is a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and
@@ -213,9 +211,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# PCA, FastICA and GMCA: excess and peak vanish, and their ratios become nearly those of SDecGMCA with as many
-# sources. SDecGMCA improves where restarts had a foreground residual; elsewhere the additional source removes
-# HI.
+# PCA, FastICA and GMCA: excess and peak vanish. Restarts of SDecGMCA that do not fail lose more HI to the
+# additional source; how many fail is for an ensemble to say ({doc}`27_restarts`).
 #
 # </details>
 #

@@ -31,7 +31,8 @@
 # has PySM's of nside 512; {doc}`../book/conventions` lists the others. One ledger has the paper's HI box of
 # 2048³ cells and a single run of SDecGMCA, the other has several restarts and, as the figures, 1024³ cells,
 # which are {glue:text}`paper_size_cell` wide; a pixel at the far end is {glue:text}`paper_size_pixel` wide.
-# {doc}`01_simulations` compares the two boxes.
+# {doc}`01_simulations` compares the two boxes. SDecGMCA has at this size an earlier default reading,
+# `code-rounding` continued beyond $\ell = 200$ with its $\epsilon$ ({doc}`16_readings`).
 #
 # The results are stored in `book/results`; {doc}`../book/contributing` has the commands and {doc}`19_scale`
 # the times.
@@ -40,7 +41,7 @@
 results: str | None = None  # folder of stored results; None: that of the book
 smaller: str = "claims_laptop"  # the ledger of the book
 real: str = "paper_templates"  # what is stored of the real Galaxy: a ledger and a folder of figures
-ensemble: str = "restarts_paper_default"  # restarts of SDecGMCA, with an HI box of 1024³ cells
+ensemble: str = "restarts_paper_code_rounding"  # restarts of SDecGMCA, with an HI box of 1024³ cells
 smoothed: str = "claims_paper_smoothed"  # a ledger with smoothed HI, with that box
 synthetic: str = "paper_synthetic"  # a folder of figures of the synthetic one
 

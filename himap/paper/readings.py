@@ -122,6 +122,20 @@ def candidates():
     return dict(sorted(several.items()))
 
 
+def find_reading(label):
+    """The `Reading` with a label of `readings` or `candidates`.
+
+    Raises
+    ------
+    InputError
+        None has it.
+    """
+    known = readings() | candidates()
+    if label not in known:
+        raise InputError(f"reading must be one of {'; '.join(known)}, got {label!r}.")
+    return known[label]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What one reading leads to.

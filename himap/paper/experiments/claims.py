@@ -12,6 +12,7 @@ from himap.paper.claims.base import not_applicable
 from himap.paper.claims.entries import COLUMNS, entries, finding_rows
 from himap.paper.grid import cases_of
 from himap.paper.methods import BEAM_AWARE
+from himap.paper.readings import find_reading
 from himap.paper.realisation import Realisation
 from himap.paper.record import Experiment
 from himap.removal.restarts import has_restarts
@@ -81,12 +82,12 @@ def realisations(
 def judged_skies(several, readings, n_restarts):
     """A list of `JudgedSky` of some `Realisation`, each with `n_restarts` of every reading of SDecGMCA.
 
-    Readings are names, or {label: options as of `Realisation`}. There is one restart of a method that has
-    none.
+    Readings are labels as of `himap.paper.readings.find_reading`, or {label: options as of `Realisation`}.
+    There is one restart of a method that has none.
     """
     whole_number("n_restarts", n_restarts, 1, 1000)
     if not isinstance(readings, Mapping):
-        readings = {name: () if name == "default" else (("reading", name),) for name in readings}
+        readings = {label: find_reading(label).options for label in readings}
     n_restarts = n_restarts if has_restarts(BEAM_AWARE[several[0].method][0]) else 1
     return [
         JudgedSky(
