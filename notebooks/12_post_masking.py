@@ -153,12 +153,10 @@ quote(
 # are there for SDecGMCA, and at least {glue:text}`post_others_in_plane` for every other method. A share
 # near 25 %, the area fraction, means no correlation with latitude. On the real Galaxy at `laptop` most of the
 # lines that SDecGMCA flags are within 15° of the plane, as in the paper, in
-# {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members (skies and restarts). Here its flags follow the
-# numerical error of its reading ({ref}`sdecgmca-end`), which errors and flags of lines of sight contain at
-# `quick`.
+# {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members (skies and restarts).
 #
-# On most flagged lines of SDecGMCA the error is nearly the same in all channels and of either sign, as is that
-# numerical error; a few lines deviate in single channels, most at the top of the band.
+# On flagged lines of SDecGMCA the error has the ripple of the beam, which is foreground, or is in single
+# channels, most at the top of the band, where bright HI was removed.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). Of SDecGMCA those of the medoid; if not all are drawn, evenly spaced in rank of error. Left: recovered temperature; right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the other lines. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the drawn lines."}}
 shown = study.medoid(selected, removers[method])
@@ -208,8 +206,8 @@ quote(
 )
 
 # %% [markdown]
-# The errors of SDecGMCA follow the numerical pattern; the brightest part of the Galactic plane is a small part of
-# the flags.
+# The flags of SDecGMCA are in the brightest part of the Galactic plane, as in the paper, and on single lines
+# elsewhere.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (yellow; the paper's Fig. 5, right). This run flags {glue:text}`post_shown_share` of the sky, rank {glue:text}`post_shown_rank` among the restarts (1: most)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
@@ -224,8 +222,7 @@ study.stamped(figure, beam=selected, method=method, **stated)
 # ## Foreground residual and lost HI
 #
 # With its mixing matrix fixed, a component method is a linear projection $\mathcal{P}$ of the maps with
-# masked peaks (except for the $\epsilon$ and the numerical error of SDecGMCA, which are counted with the
-# foreground). With the
+# masked peaks (except for the $\epsilon$ of SDecGMCA, which is counted with the foreground). With the
 # foreground $\mathbf{F}$, the truth $\mathbf{T}$ (HI plus noise) and what peak masking removed from it,
 # $\mathbf{D}$,
 #
@@ -294,8 +291,8 @@ quote(
 )
 
 # %% [markdown]
-# In nearly all channels the foreground residual exceeds the signal loss. That of PCA has the ripple at the low
-# end of the band; that of SDecGMCA, with its numerical error, is nearly the same in all channels.
+# For PCA the foreground residual exceeds the signal loss in nearly all channels, and has the ripple at the low
+# end of the band. For SDecGMCA it does so by far in restarts that fail, and is comparable in the others.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-channels", "caption": "Rms of foreground residual, signal loss and truth over the flagged lines of sight, for PCA (left) and SDecGMCA (right; median and band of the restarts, each with its flagged lines)."}}
 looks = {
@@ -336,8 +333,8 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 #
 # Each method is masked by its errors, and the truth by the same mask. A mask couples multipoles; $C_\ell$ is
 # decoupled with the mode-coupling matrix {cite:p}`hivon2002` and binned. Without the
-# flagged lines the excess of PCA and GMCA is smaller at low $k_\nu$, at the peak and at low $\ell$; the spectra of
-# SDecGMCA change within the scatter of the restarts.
+# flagged lines the excess of PCA and GMCA is smaller at low $k_\nu$, at the peak and at low $\ell$; so is
+# that of restarts of SDecGMCA that fail; the others hardly change.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra recovered by PCA, FastICA, GMCA and SDecGMCA, of the full sky (dotted) and without the flagged lines of sight (masked: dashed, dash-dotted and solid), and their ratio to the truth under the same mask (the paper's Fig. 6). Of SDecGMCA medians and bands of the restarts (thin lines), each with its mask. {glue:text}`post_reading` ([readings](sdecgmca-reading)). Masked C_l is binned and begins at higher l. Black: truth of the full sky. PCA and FastICA coincide."}}
@@ -538,6 +535,6 @@ quote(
 # More to run:
 #
 # ```sh
-# himap run 12_post_masking -p reading=letter                # another reading of SDecGMCA
+# himap run 12_post_masking -p reading=code                  # another reading of SDecGMCA
 # himap run 12_post_masking -p beam=evolving -p n_sources=4  # a beam without a ripple
 # ```

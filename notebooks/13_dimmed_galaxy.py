@@ -320,8 +320,7 @@ quote(
 # | GMCA | {glue:text}`dimmed_less_gmca` | {glue:text}`dimmed_lost_gmca` |
 # | SDecGMCA | {glue:text}`dimmed_less_sd` | {glue:text}`dimmed_lost_sd` |
 #
-# The larger the second ratio, the less dimming can improve. At `quick` the foreground residual of SDecGMCA
-# includes the numerical error of its reading ({ref}`sdecgmca-end`).
+# The larger the second ratio, the less dimming can improve.
 #
 # ## Strength and width
 #
@@ -427,5 +426,5 @@ quote(
 #
 # ```sh
 # himap run 13_dimmed_galaxy -p plane_edge=30                  # dimmed over half of the sky
-# himap run 13_dimmed_galaxy -p reading=letter                 # another reading of SDecGMCA
+# himap run 13_dimmed_galaxy -p reading=code                   # another reading of SDecGMCA
 # ```

@@ -14,7 +14,7 @@ VERDICTS = {"D1": [REPRODUCED, REPRODUCED], "O3": [REPRODUCED, FAILED], "M2": IN
 OUTCOMES = {
     "default": outcome(VERDICTS, runs=RUNS),
     "code": outcome(VERDICTS | {"O3": [REPRODUCED] * 2}, runs=[run(7, bump=40.0), run(8)]),
-    "last = once": outcome(VERDICTS, runs=[run(7, **{"P/P0, k > 0.1": 1e9, "P/P0, k < 0.03": None})]),
+    "last = repeated": outcome(VERDICTS, runs=[run(7, **{"P/P0, k > 0.1": 1e9, "P/P0, k < 0.03": None})]),
 }
 
 
@@ -55,7 +55,7 @@ def test_bands_have_a_point_for_every_run():
     assert by_title["$P/P_0$, bump"].get_xscale() == "log"
     assert by_title["$C/C_0$, 2 to 4"].get_xscale() == "linear"
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    assert labels == ["default", "code", "last = once"]
+    assert labels == ["default", "code", "last = repeated"]
 
 
 def test_curves_of_the_readings_with_a_name():

@@ -24,7 +24,7 @@ KNOWN = readings()
 FIRST, SECOND = [label for label, one in KNOWN.items() if one.changed and label not in READINGS][:2]
 OUTCOMES = {
     "default": outcome({"D1": REPRODUCED, "O3": REPRODUCED, "O6": FAILED, "M2": INAPPLICABLE}),
-    "letter": outcome({"D1": REPRODUCED, "O3": IN_PART, "O6": INAPPLICABLE, "M2": INAPPLICABLE}),
+    "code-rounding": outcome({"D1": REPRODUCED, "O3": IN_PART, "O6": INAPPLICABLE, "M2": INAPPLICABLE}),
     FIRST: outcome({"D1": IN_PART, "O3": FAILED, "O6": FAILED, "M2": INAPPLICABLE}, runs=[run(), run(**BAD)]),
     SECOND: outcome({"D1": REPRODUCED, "O3": REPRODUCED, "O6": FAILED, "M2": INAPPLICABLE}),
 }
@@ -36,7 +36,7 @@ class TestAnswer:
 
     def test_a_claim_that_was_not_judged_everywhere(self):
         """Only what was judged counts; a claim that nobody judged is left out."""
-        some = OUTCOMES | {"letter": outcome({"D1": REPRODUCED})}
+        some = OUTCOMES | {"code-rounding": outcome({"D1": REPRODUCED})}
         assert robustness(some) == {EVERY: ["D1"], SOME: ["O3"], NONE: ["O6"], VOID: ["M2"]}
         assert robustness({"code": outcome({"D1": REPRODUCED})})[EVERY] == ["D1"]
 
@@ -45,14 +45,17 @@ class TestAnswer:
         assert decisive_options(OUTCOMES, "D1") == decisive_options(OUTCOMES, "S1") == []
         without = {label: one for label, one in OUTCOMES.items() if label != "default"}
         assert decisive_options(without, "O3") == []
-        other = OUTCOMES | {"letter": outcome({"D1": FAILED})}
+        other = OUTCOMES | {"code-rounding": outcome({"D1": FAILED})}
         assert decisive_options(other, "D1") == []  # many choices at once
 
     def test_what_no_choice_moves(self):
         assert insensitive_claims(OUTCOMES) == ["M2"]
         same = dict.fromkeys(("default", "code"), outcome({"E1": REPRODUCED}))
         assert insensitive_claims(same) == ["E1"]
-        assert insensitive_claims(same | {"letter": outcome({"E1": REPRODUCED}, values={"E1": 0.6})}) == []
+        assert (
+            insensitive_claims(same | {"code-rounding": outcome({"E1": REPRODUCED}, values={"E1": 0.6})})
+            == []
+        )
 
 
 class TestTables:

@@ -42,9 +42,10 @@ SILENT = (
         ),
         (
             in_short,
-            {},
-            "(the text except for 6 choices, with floor = 1e-09, start_channel = first, last = repeated),",
+            {"reading": "follow-up"},
+            "(the text except for 6 choices, with 4 choices), continued beyond ℓ = 128",
         ),
+        (in_short, {}, "reading “default” (the text except for beyond = projection), continued beyond"),
         (
             in_short,
             {"reading": "letter", "sign": "free", "lmax": 30},

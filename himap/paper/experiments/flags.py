@@ -10,7 +10,7 @@ from himap.paper.record import Experiment
 from himap.paper.restarts import FLAGS, flag_table
 from himap.store.store import product
 
-READINGS = ("letter", "code", "default")
+READINGS = ("default", "code", "follow-up")
 """Readings of SDecGMCA that are measured: they fail in different ways, and not equally often."""
 
 COLUMNS = {"reading": str, "restart": int, "quantity": str, "value": float}
