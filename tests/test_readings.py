@@ -9,12 +9,13 @@ import pytest
 from ledgers import SHORT, TINY
 from outcomes import outcome, run
 
+from himap.app.stored import RESULTS
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.maps import sphere
 from himap.paper.claims import CLAIMS, REPRODUCED
+from himap.paper.experiments import claims, restarts
 from himap.paper.experiments import readings as experiment
-from himap.paper.experiments import restarts
 from himap.paper.experiments.claims import judge
 from himap.paper.methods import sdecgmca_for
 from himap.paper.readings import (
@@ -22,6 +23,7 @@ from himap.paper.readings import (
     COLUMNS,
     Reading,
     candidates,
+    find_reading,
     outcomes,
     ranked_candidates,
     readings,
@@ -30,6 +32,7 @@ from himap.paper.readings import (
 )
 from himap.paper.readings_table import candidates_table, shares_table
 from himap.paper.realisation import Realisation
+from himap.paper.record import Record
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 
 CHOSEN = {
@@ -252,3 +255,25 @@ class TestOutcome:
         runs = [run(**{"mean error": error}) for error in (0.05, 0.0999, 0.1001, math.inf)]
         one = outcome({"D1": REPRODUCED}, runs=runs)
         assert one.n_failing == 2 and one.fails == "2 of 4"
+
+
+def test_the_default_is_what_the_rule_selects():
+    """The first of the ranked candidates at laptop, which is not tied with one of fewer departures."""
+    record = Record.load(restarts.EXPERIMENT, RESULTS / "restarts_laptop_candidates.json")
+    counts = statement_counts(record.rows)
+    (first, *_), *others = ranked_candidates(counts)
+    assert find_reading(first).values == READINGS["default"]
+    for other, *_ in others:
+        behind = counts[first] - counts[other]
+        tied = behind.mean() <= behind.sem()
+        assert not (tied and len(find_reading(other).departures) < len(find_reading(first).departures))
+
+
+def test_a_reading_by_its_label():
+    assert find_reading("default").options == ()
+    label = "code-rounding, beyond = regularised"
+    assert find_reading(label).values == READINGS["code-rounding"] | {"beyond": "regularised"}
+    sky = claims.skies(preset="ci", n_realisations=1, reading=label)[0]
+    assert [dict(one.options)["beyond"] for one in sky.realisations[label]] == ["regularised"] * 2
+    with pytest.raises(InputError, match="reading must be one of default; letter; .*, got 'nonsense'"):
+        find_reading("nonsense")

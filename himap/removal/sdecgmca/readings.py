@@ -4,9 +4,9 @@
 and is what is usual where the text says nothing; the code is the steps of the public code of Carloni Gertosio
 & Bobin (2021, C21); code-rounding is the same with the eigenvalues of the last S floored at rounding; the
 follow-up changes in the inversion what the later code of the paper's first author does; instrument-noise is
-the letter with the noise of the instrument in the thresholds. The default, code-rounding carried on beyond
-lmax, is provisional: it is to be the reading under which most of the paper's statements on SDecGMCA hold, by
-a rule that selects another so far (chapter 16).
+the letter with the noise of the instrument in the thresholds. The default, the letter carried on beyond lmax
+by least squares, is the reading under which most of the paper's statements on SDecGMCA hold, by a rule
+(chapter 16).
 """
 
 from dataclasses import dataclass
