@@ -240,10 +240,10 @@ plotting.stamp(curves_figure(outcomes), made)
 # and that of the default is {glue:text}`readings_without_default`.
 #
 # A run that fails can have the excess, the peak and the flagged plane of the paper, and so count as many
-# statements as one that does not. Two readings had been the default before: `instrument-noise`, as it did not
-# fail in six runs, and, until the counts above were known, `code-rounding` continued with its $\epsilon$, as
-# it did not fail on eight starts on each of two skies at that size and on one at the paper's. Both rested on
-# performance. Results that are still of one of these say so.
+# statements as one that does not. Earlier defaults rested on performance: the letter with free signs of
+# $\mathbf{A}$, until it failed in a run; `instrument-noise`, which did not fail in six runs; and `code-rounding`
+# continued with its $\epsilon$, which did not fail on eight starts on each of two skies at that size and on one
+# at the paper's. Results that are still of one of these say so.
 
 # %% tags=["hide-input"]
 ensembles = [
@@ -352,18 +352,13 @@ quote(readings_empty=f"{', '.join(empty)}, which these maps do not hold" if empt
 Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 
 # %% [markdown]
-# The default fails in {glue:text}`readings_fails_default`, the letter in {glue:text}`readings_fails_letter`,
-# the code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up`
+# The default and the letter, with the same $\mathbf{A}$, fail in {glue:text}`readings_fails_default`, the code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up`
 # ({ref}`restarts-failures` has probabilities). No failure here: {glue:text}`readings_sound`.
-#
-# Two earlier defaults were chosen by performance: the letter with free signs of $\mathbf{A}$, until it failed
-# in a run, and `instrument-noise`, which did not fail in six runs and is consistent with the text.
 
 # %% tags=["hide-input"]
 sound = [known[label].title for label, one in outcomes.items() if not one.n_failing]
 quote(
     readings_fails_default=failures("default"),
-    readings_fails_letter=failures("letter"),
     readings_fails_code=failures("code"),
     readings_fails_follow_up=failures("follow-up"),
     readings_sound=listed(sound),
@@ -443,6 +438,6 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 #
 # ```sh
 # himap measure readings --preset ci -p n_realisations=1 -p n_restarts=1 -p n_sources_max=3   # all readings on a coarse sky
-# himap measure claims --preset quick -p reading=letter --jobs 2              # the ledger in the reading `letter`
+# himap measure claims --preset quick -p reading=code --jobs 2                # the ledger in the reading `code`
 # himap run 16_readings -p results=FILE                               # this page, with your record
 # ```
