@@ -139,8 +139,8 @@ medoid = study.medoid(selected, remover)
 # large coefficients ($\ell_1$ reweighting).
 #
 # **Update of A**: least squares in every channel over all harmonics (in the code of C21 over the detail
-# scales), then columns of unit length without negative entries, which that code has by option (Eqs. 14 to 16
-# of C21):
+# scales); then negative entries are set to zero (in that code an option that is off), and columns scaled to
+# unit length (Eqs. 14 to 16 of C21):
 #
 # ```{math}
 # :label: eq-sdecgmca-mixing
@@ -197,8 +197,8 @@ sources_figure(study, selected, medoid)
 # %% [markdown]
 # ## The residual
 #
-# A restart that does not fail has hardly a ridge along the Galactic plane, and its error has the scales of
-# HI; one that fails has foreground there.
+# A restart that does not fail has little foreground along the Galactic plane, and its error has the scales of
+# HI; one that fails has a ridge there. The figure has the medoid.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "A channel in the middle of the band: observed, recovered by SDecGMCA (medoid of the restarts), truth (HI plus noise), and recovered minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for recovered and truth; white: no error."}}
 channel_figure(study, selected, medoid)
@@ -212,8 +212,9 @@ channel_figure(study, selected, medoid)
 angular_figure(study, removers)
 
 # %% [markdown]
-# The paper has a small peak at the ripple and an excess at low $k_\nu$. Restarts that fail have both, larger
-# than in the paper; the others lose power at low $k_\nu$, and their peak is small.
+# The paper has a small peak at the ripple and an excess at low $k_\nu$. Through the oscillating
+# beam restarts that fail have both, larger than in the paper; the others lose power at low $k_\nu$, and their
+# peak is small.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
@@ -239,7 +240,7 @@ show(numbers)
 # without.
 #
 # $C/C_0$ coincides up to the dotted line. Beyond it “regularised” has an excess, which is not the paper's
-# peak: these maps end below $\ell = 200$.
+# peak, as $\epsilon$ is 0 there on these maps (last table), but the numerical error described below.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "P/P0 (left) and C/C0 (right) for three treatments of the multipoles beyond the last of the inversion (dotted). Medians and bands of the restarts. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
 LOOKS = {
@@ -325,14 +326,14 @@ quote(
 # numerical: HEALPix transforms are not exact beyond $\ell = 2\,N_\mathrm{side}$, so that maps of the bright
 # foreground made from its coefficients differ from the maps observed. It has the smooth spectrum of the
 # foreground, and adds to $P$ at the smallest $k_\nu$. `"projection"`, which subtracts a part of the observed
-# maps, does not have it: the rms error is {glue:text}`sdecgmca_error_projected`, with `"regularised"`
-# {glue:text}`sdecgmca_error_continued`, the mean $r$ {glue:text}`sdecgmca_r_projected` and
+# maps, does not have it: the rms error is {glue:text}`sdecgmca_error_projected` in place of
+# {glue:text}`sdecgmca_error_continued`, and the mean $r$ {glue:text}`sdecgmca_r_projected` in place of
 # {glue:text}`sdecgmca_r_continued`. With `"cut"` the error includes the truth beyond the last multipole.
 #
 # The paper explains the peak by $\epsilon$, which biases the foreground low and the residual high (see the
-# exercise). The figure has the $\epsilon$ of the last $\hat{\mathbf{S}}$; the first multipole with
-# $\epsilon > 0$ of strategy 3, that of the warm-up, for $c$ of Table 1 and the $\mathbf{A}$ of each restart
-# is (–: none in these maps, which do not hold $\ell = 200$):
+# exercise). In the default reading $\epsilon$ beyond the last multipole would be that of strategy 3. The first
+# multipole where this is above 0, for $c$ of Table 1 and the $\mathbf{A}$ of each restart, is (–: none in these
+# maps, which do not hold $\ell = 200$):
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -439,8 +440,8 @@ quote(
 # where the thresholded sources $\hat{\mathbf{T}}$ are only weights: without noise the true $\mathbf{A}$ is a
 # solution for any thresholds. Its foreground is the projection on the smoothed spectra at every $\ell$.
 #
-# BeamSubspace loses more at low $\ell$: the mean $C/C_0$ at $\ell < 10$ is {glue:text}`sdecgmca_subspace_low`,
-# for SDecGMCA {glue:text}`sdecgmca_low`. $P/P_0$ at $k_\nu < 0.03$ MHz$^{-1}$ is
+# BeamSubspace loses more at low $\ell$ than restarts of SDecGMCA that do not fail: the mean $C/C_0$ at
+# $\ell < 10$ is {glue:text}`sdecgmca_subspace_low`, for SDecGMCA {glue:text}`sdecgmca_low` (all restarts). $P/P_0$ at $k_\nu < 0.03$ MHz$^{-1}$ is
 # {glue:text}`sdecgmca_subspace_slow` and {glue:text}`sdecgmca_slow`, its highest value near $k_\nu = 0.31$
 # {glue:text}`sdecgmca_subspace_peak` and {glue:text}`sdecgmca_peak`.
 

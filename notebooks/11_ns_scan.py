@@ -324,8 +324,8 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # ## The spectra
 #
 # Ratios above 1 are foreground residual, ratios below 1 lost HI. With 3 sources there is foreground residual on
-# most scales, with more in the restarts that fail; the others lose HI at low $k_\nu$ and low $\ell$. In the
-# paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
+# most scales, with more sources only in restarts that fail; the others lose HI at low $k_\nu$ and low $\ell$.
+# In the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by SDecGMCA with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts. Grey band: 10 %; ratios are linear near 1, logarithmic beyond."}}
@@ -407,7 +407,8 @@ quote(
 #
 # For PCA the excess falls steeply and the loss grows slowly with $n_s$; in the right panel its $P/P_0$
 # follows the dotted line and its $C/C_0$ falls faster. For SDecGMCA the excess of restarts that fail hides the
-# loss, as only the net ratio is split. The right panel has only numbers of sources with little excess.
+# loss, as only the net ratio is split. The right panel has only numbers of sources with little
+# excess; if SDecGMCA has none, it is not drawn.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; zeros are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source."}}
 

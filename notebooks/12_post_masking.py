@@ -155,7 +155,7 @@ quote(
 # lines that SDecGMCA flags are within 15° of the plane, as in the paper, in
 # {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members (skies and restarts).
 #
-# On flagged lines of SDecGMCA the error has the ripple of the beam, which is foreground, or is in single
+# On flagged lines of the medoid the error has the ripple of the beam, which is foreground, or is in single
 # channels, most at the top of the band, where bright HI was removed.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). Of SDecGMCA those of the medoid; if not all are drawn, evenly spaced in rank of error. Left: recovered temperature; right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the other lines. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the drawn lines."}}
@@ -206,8 +206,8 @@ quote(
 )
 
 # %% [markdown]
-# The flags of SDecGMCA are in the brightest part of the Galactic plane, as in the paper, and on single lines
-# elsewhere.
+# The flags of the medoid are in the brightest part of the Galactic plane, as in the paper, and on single lines
+# elsewhere; other restarts flag more or fewer.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (yellow; the paper's Fig. 5, right). This run flags {glue:text}`post_shown_share` of the sky, rank {glue:text}`post_shown_rank` among the restarts (1: most)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
@@ -292,7 +292,8 @@ quote(
 
 # %% [markdown]
 # For PCA the foreground residual exceeds the signal loss in nearly all channels, and has the ripple at the low
-# end of the band. For SDecGMCA it does so by far in restarts that fail, and is comparable in the others.
+# end of the band. In restarts of SDecGMCA that fail it is by far the larger; in the
+# others the two are comparable.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-channels", "caption": "Rms of foreground residual, signal loss and truth over the flagged lines of sight, for PCA (left) and SDecGMCA (right; median and band of the restarts, each with its flagged lines)."}}
 looks = {
@@ -508,8 +509,8 @@ quote(
 #   remains; for SDecGMCA {glue:text}`post_in_plane` are. On the real Galaxy at `laptop` most are in
 #   {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members.
 # - **Line of sight** (M2, M3): the peak of SDecGMCA is {glue:text}`post_peak_sd` of that without the mask and its
-#   error at low $k_\nu$ {glue:text}`post_low_sd`; PCA and GMCA improve more, to {glue:text}`post_low_pca` and
-#   {glue:text}`post_low_gmca` at low $k_\nu$, where the paper has no notable change.
+#   error at low $k_\nu$ {glue:text}`post_low_sd`; for PCA and GMCA the latter is {glue:text}`post_low_pca` and
+#   {glue:text}`post_low_gmca`, where the paper has no notable change.
 # - **Sky** (M4): the mean $|C/C_0 - 1|$ decreases from {glue:text}`post_angular_pca` to
 #   {glue:text}`post_angular_pca_after` for PCA and from {glue:text}`post_angular_gmca` to
 #   {glue:text}`post_angular_gmca_after` for GMCA; for SDecGMCA it is {glue:text}`post_angular_sd` before and

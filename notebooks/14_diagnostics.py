@@ -448,7 +448,7 @@ quote(
 #
 # ## Exercises
 #
-# **1.** With six sources, does SDecGMCA still have the highest correlation?
+# **1.** With six sources, do restarts of SDecGMCA that do not fail still have the highest correlation?
 #
 # ```sh
 # himap run 14_diagnostics -p n_sources=6
@@ -457,8 +457,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The difference nearly vanishes: with six sources PCA and GMCA describe the foreground too. With five, the
-# others have a foreground residual.
+# The difference nearly vanishes: with six sources PCA and GMCA describe the foreground too. With five they
+# have a foreground residual.
 #
 # </details>
 #

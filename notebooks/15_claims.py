@@ -226,7 +226,7 @@ LedgerTable(recorded, links, others)
 # which most of them hold, which changes no verdict. V4 had the noise of the pixels and channels of the maps;
 # now $C_\ell$ of the noise are those of the paper's, as its noise of a pixel does not depend on the size:
 # at `laptop` the verdict was *not reproduced*. The default reading of SDecGMCA has been changed more
-# than once, the last time as the rule for it selects ({ref}`readings-default`).
+# than once, at last to the one that its rule selects ({ref}`readings-default`).
 
 # %% [markdown]
 # ## Verdicts for other parameters

@@ -31,8 +31,9 @@
 # has PySM's of nside 512; {doc}`../book/conventions` lists the others. One ledger has the paper's HI box of
 # 2048³ cells and a single run of SDecGMCA, the other has several restarts and, as the figures, 1024³ cells,
 # which are {glue:text}`paper_size_cell` wide; a pixel at the far end is {glue:text}`paper_size_pixel` wide.
-# {doc}`01_simulations` compares the two boxes. SDecGMCA has at this size an earlier default reading,
-# `code-rounding` continued beyond $\ell = 200$ with its $\epsilon$ ({doc}`16_readings`).
+# {doc}`01_simulations` compares the two boxes. SDecGMCA has here earlier default readings: with the
+# real Galaxy `code-rounding`, continued beyond $\ell = 200$ with its $\epsilon$, with the synthetic one
+# `instrument-noise` ({doc}`16_readings`).
 #
 # The results are stored in `book/results`; {doc}`../book/contributing` has the commands and {doc}`19_scale`
 # the times.
@@ -66,8 +67,8 @@ others = other_records(ledgers[0][1], folder)
 # ## The claims
 #
 # The real Galaxy at half the paper's size (`laptop`), and at the paper's with four times the pixels and twice
-# the channels. The second column is one run of SDecGMCA, which is chaotic, so that its parts may differ by
-# chance ({doc}`27_restarts`). The last has {glue:text}`paper_size_restarts` restarts, Table 1's number of
+# the channels. The first column has the default reading of SDecGMCA, the others `code-rounding`. The second is
+# one run of a chaotic method, so that its parts may also differ by chance ({doc}`27_restarts`). The last has {glue:text}`paper_size_restarts` restarts, Table 1's number of
 # sources alone (N1 to N5 do not apply), and an HI box of 1024³ cells in place of 2048³: Galaxy and noise are
 # the same, and HI has the same Fourier modes where both boxes have them. {doc}`15_claims` explains verdicts
 # and signs; main parts that hold in less than 84 % of the members are listed with that share, and the last
@@ -108,8 +109,8 @@ quote(
 # All figures of the paper at its size, each for the real Galaxy and then the synthetic one. The linked
 # chapter states what each shows, and has both Galaxies at this size among its interactive curves. Those of the
 # real Galaxy have eight restarts of SDecGMCA, the scan over the number of sources one; those of the synthetic
-# Galaxy are of an older run, with one restart in the reading `instrument-noise` ({doc}`16_readings`). Of
-# restarts lines are medians, bands their 16 to 84 % and thin lines single ones; ratios are linear near 1 and
+# Galaxy are of an older run, with one restart. Interactive curves of SDecGMCA at this size have the readings
+# named above, not that of the chapter. Of restarts lines are medians, bands their 16 to 84 % and thin lines single ones; ratios are linear near 1 and
 # logarithmic beyond where a figure says so. All numbers are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]

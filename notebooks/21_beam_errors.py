@@ -124,7 +124,7 @@ galaxies = ("synthetic", "templates")
 paths = results or [RESULTS / f"beam_errors_quick_{name}.json" for name in galaxies]
 records = [Record.load(EXPERIMENT, path) for path in paths]
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over skies, synthetic Galaxy. Grey line: 1 %. Values below 0.1 % or above 100 are not shown; SDecGMCA: one run on each sky."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-first", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over skies, synthetic Galaxy. Grey line: 1 %. Values below 0.1 % or above 100 are not shown; SDecGMCA: one run on each sky, in the reading instrument-noise."}}
 plotting.stamp(beam_errors_figure(records[0].rows), records[0].made.footer())
 
 # %% [markdown]

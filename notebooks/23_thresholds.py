@@ -139,7 +139,7 @@ for band, title in (
 
 # %% [markdown]
 # Left: a flat line means that additional sources cost no signal. Right: a flat line means that the smallest
-# number of sources suffices.
+# number of sources suffices. SDecGMCA is one run for each number, which may fail ({doc}`27_restarts`).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-parts", "caption": "Preserved HI and noise (left) and foreground residual (right) over the power of HI and noise, by the number of sources, in a band of multipoles (top) and of wavenumbers (bottom). SDecGMCA: one run each."}}
 study.stamped(plotting.lines(panels), beam=case.beam)

@@ -355,8 +355,8 @@ Table(head, rows or [[NONE, *[""] * 5]], align="llrrrr")
 # ## What to use instead
 #
 # - **A stable iteration**: `SDecGMCA(thresholds="analytic", share=1, n_warmup=1, sign="free")` converges, after
-#   {glue:text}`restarts_settled` iterations, and restarts agree. It loses more HI at low $\ell$, about as much
-#   as BeamSubspace with as many sources.
+#   {glue:text}`restarts_settled` iterations, and restarts agree. It loses more HI at low $\ell$ than restarts
+#   of the default that do not fail, about as much as BeamSubspace with as many sources.
 # - **BeamSubspace** ({doc}`09_sdecgmca`) has the same mixture and is not chaotic.
 # - **An ensemble** with its median and range: `SDecGMCA(restart=k)`, or `--restarts` of `himap clean`.
 #
@@ -432,10 +432,10 @@ else:
 #   result needs its scatter over restarts.
 # - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources,
 #   through $K$ and through thresholds from the MAD.
-# - Without the eigenvalue floor of $10^{-9}$ in the last step `code` rarely fails; `letter`, which has none,
-#   sometimes does.
-# - Without the truth, most failures show as a residual that is far from that of the medoid or follows the
-#   foreground. The stopping rules flag all runs.
+# - Without the eigenvalue floor of $10^{-9}$ in the last step `code` rarely fails; the default and the letter,
+#   which have the same $\mathbf{A}$ and no such floor, fail more often.
+# - Without the truth, most failures show as a residual that follows the foreground, or is far from that of the
+#   medoid if that has not failed. The stopping rules flag all runs.
 #
 # ## Exercise
 #

@@ -112,7 +112,7 @@ def run(names, preset, pairs, output, stale, every, overwrite):
     are parameters too. What was interrupted goes on where it stopped when it is run again.
 
     \b
-    himap run 10_results --preset ci -p seed=7 -p reading=letter
+    himap run 10_results --preset ci -p seed=7 -p reading=code
     himap run 04_pca -p galaxy=templates -p template_dir=maps -o pca.ipynb
     himap run --all --preset laptop --jobs 2
     """
