@@ -31,17 +31,18 @@
 # matrix (sine of the largest angle, in the median above $0.1$), in the public code as here, and these runs do
 # not reach the paper's stopping rule ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at
 # $10 < \ell < 200$ exceeds 10 %, and may then be off by orders of magnitude; others differ by some per cent in
-# that range and by more elsewhere.
-# **What holds all the same**: fits along each line of sight fail where the beam oscillates with frequency, and
-# with the paper's numbers of components SDecGMCA is, where a run does not fail, the most accurate of its six
-# methods through the oscillating beam and in the worst of the three; through the degraded beam all differ
-# little. PCA with six components, more than the paper gives it, is comparable at `quick` (a quarter of the
-# paper's resolution; SDecGMCA in the reading `instrument-noise`) and not at `laptop`. **For your data** compare several restarts of SDecGMCA, or use a
-# method that does not depend on its start, such as BeamSubspace, which with as many sources loses more HI
+# that range and by more elsewhere. **What holds all the same**: fits along each line of sight fail where the
+# beam oscillates with frequency, and with the paper's numbers of components SDecGMCA is, where a run does not
+# fail, the most accurate of its six methods through the oscillating beam and in the worst of the three;
+# through the degraded beam all differ little. PCA with six components, more than the paper gives it, is
+# comparable at `quick` (a quarter of the paper's resolution; SDecGMCA in the reading `instrument-noise`) and
+# not at `laptop`. **For your data** compare several restarts of SDecGMCA, or use a method that does not
+# depend on its start, such as BeamSubspace, which with as many sources loses more HI
 # ([a table by what you have](what-to-use)).
 #
 # This page quotes an ensemble of runs, on the real Galaxy, at half the paper's resolution (`laptop`) and in
-# the default reading, which follows the paper's text up to $\ell = 200$ ({doc}`16_readings`). Of the {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA
+# the default reading, which follows the paper's text up to $\ell = 200$ ({doc}`16_readings`). Of the
+# {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA
 # {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part,
 # {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs and fail in
@@ -65,9 +66,10 @@
 #
 # The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and
 # restarts, the second of a single run at the paper's size (`nside` 256, 500 channels, an HI box of 2048³
-# cells), and, as all that this page has at that size, in an earlier default reading, `code-rounding` continued
-# beyond $\ell = 200$ with its $\epsilon$ ({doc}`18_paper_size`). One run of a chaotic method is a draw and gets no verdict: that column has
-# whether the conclusion holds in it. A single sky has no scatter over skies; in brackets is then the
+# cells), and, as all that this page has at that size, in an earlier default reading, `code-rounding`
+# continued beyond $\ell = 200$ with its $\epsilon$ ({doc}`18_paper_size`). One run of a chaotic method is a
+# draw and gets no verdict: that column has whether the conclusion holds in it. A single sky has no scatter
+# over skies; in brackets is then the
 # $1\,\sigma$ interval of its restarts. Causes of verdicts are in {doc}`15_claims`. The pictures at the paper's size have an HI box of 1024³ cells
 # and of SDecGMCA the median and the 16 to 84 % of eight restarts, but for the scan over the number of
 # sources. {doc}`../book/status` states which of the records and figures are stale.
@@ -200,12 +202,13 @@ claims_of(2)
 # %% [markdown]
 # **The parametric fit fails, as in the paper, and SDecGMCA recovers $C_\ell$ where its run does not fail; PCA
 # and FastICA do so only where HI is brighter.** The beam adds spectral modes to the foreground at the highest
-# multipoles: 95 % of the multipoles of the worst of these three (median of the members) are within {glue:text}`answer_evolving` of the truth at `laptop`, within
-# {glue:text}`answer_evolving_pictures` at the paper's size with the box of the pictures and within
-# {glue:text}`answer_evolving_large` with the paper's box. The finer the box, the brighter HI: the decimal
-# logarithm of the rms of the foregrounds over that of HI is {glue:text}`answer_orders`,
-# {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. A fifth component removes these
-# modes ({doc}`22_how_many`). GMCA has a larger excess than PCA, at lower multipoles than in the paper.
+# multipoles: 95 % of the multipoles of the worst of these three (median of the members) are within
+# {glue:text}`answer_evolving` of the truth at `laptop`, within {glue:text}`answer_evolving_pictures` at the
+# paper's size with the box of the pictures and within {glue:text}`answer_evolving_large` with the paper's
+# box. The finer the box, the brighter HI: the decimal logarithm of the rms of the foregrounds over that of HI
+# is {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. A
+# fifth component removes these modes ({doc}`22_how_many`). GMCA has a larger excess than PCA, at lower
+# multipoles than in the paper.
 #
 # ## 3. The oscillating beam
 
@@ -215,16 +218,17 @@ claims_of(3)
 # %% [markdown]
 # **With the paper's numbers of components, SDecGMCA is the most accurate of the six through this beam, where
 # its run does not fail**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median of all
-# members; the paper: 5 %). At the paper's size, on one sky and in the earlier reading, it is within 5 % in {glue:text}`answer_large_held` of
-# {glue:text}`answer_large_restarts` restarts ({doc}`18_paper_size`). PCA, without knowledge of the beam,
-# needs more components, one more at `quick` and more than one at `laptop` ({doc}`25_side_by_side`): on the
-# synthetic Galaxy of {doc}`10_results` with one more its mean $C/C_0$ at $10 < \ell < 128$ is
-# {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA
+# members; the paper: 5 %). At the paper's size, on one sky and in the earlier reading, it is within 5 % in
+# {glue:text}`answer_large_held` of {glue:text}`answer_large_restarts` restarts ({doc}`18_paper_size`). PCA,
+# without knowledge of the beam, needs more components, one more at `quick` and more than one at `laptop`
+# ({doc}`25_side_by_side`): on the synthetic Galaxy of {doc}`10_results` with one more its mean $C/C_0$ at $10
+# < \ell < 128$ is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA
 # {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts).
 # {glue:text}`answer_peak` of the members of SDecGMCA have the paper's peak at $k_\nu = 0.3$, and
 # {glue:text}`answer_excess` its excess at low $k_\nu$; at the paper's size, in the earlier reading,
-# {glue:text}`answer_large_peak` and {glue:text}`answer_large_excess` of the restarts. What happens beyond $\ell = 200$ depends on the
-# reading. {doc}`27_restarts` has the probability of failure, {doc}`16_readings` the dependence on the reading.
+# {glue:text}`answer_large_peak` and {glue:text}`answer_large_excess` of the restarts. What happens beyond
+# $\ell = 200$ depends on the reading. {doc}`27_restarts` has the probability of failure, {doc}`16_readings`
+# the dependence on the reading.
 #
 # ## 4. The number of sources
 

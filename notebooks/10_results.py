@@ -86,8 +86,8 @@ study.prepare(everything)
 #
 # With the degraded beam the curves coincide except for the polynomial at low $\ell$. With the evolving beam
 # the parametric fit deviates by orders of magnitude, with the oscillating beam both fits do, and the
-# component methods differ; apart from restarts of SDecGMCA that fail, GMCA differs most, at low $\ell$. Where the band of SDecGMCA includes another curve, the
-# figure does not decide which of the two is more accurate.
+# component methods differ; apart from restarts of SDecGMCA that fail, GMCA differs most, at low $\ell$. Where
+# the band of SDecGMCA includes another curve, the figure does not decide which of the two is more accurate.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide. The fits have no number of components."}}
 angular_figure(study, removers, titles=titles)

@@ -351,7 +351,8 @@ quote(readings_empty=f"{', '.join(empty)}, which these maps do not hold" if empt
 Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 
 # %% [markdown]
-# The default and the letter, with the same $\mathbf{A}$, fail in {glue:text}`readings_fails_default`, the code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up`
+# The default and the letter, with the same $\mathbf{A}$, fail in {glue:text}`readings_fails_default`, the
+# code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up`
 # ({ref}`restarts-failures` has probabilities). No failure here: {glue:text}`readings_sound`.
 
 # %% tags=["hide-input"]

@@ -67,13 +67,14 @@ others = other_records(ledgers[0][1], folder)
 # ## The claims
 #
 # The real Galaxy at half the paper's size (`laptop`), and at the paper's with four times the pixels and twice
-# the channels. The first column has the default reading of SDecGMCA, the others `code-rounding`. The second is
-# one run of a chaotic method, so that its parts may also differ by chance ({doc}`27_restarts`). The last has {glue:text}`paper_size_restarts` restarts, Table 1's number of
-# sources alone (N1 to N5 do not apply), and an HI box of 1024³ cells in place of 2048³: Galaxy and noise are
-# the same, and HI has the same Fourier modes where both boxes have them. {doc}`15_claims` explains verdicts
-# and signs; main parts that hold in less than 84 % of the members are listed with that share, and the last
-# column has the records in which all those parts hold. F1 is reproduced at `laptop` and not with the paper's
-# box, since HI is brighter in finer cells ({doc}`00_the_answer`).
+# the channels. The first column has the default reading of SDecGMCA, the others `code-rounding`. The second
+# is one run of a chaotic method, so that its parts may also differ by chance ({doc}`27_restarts`). The last
+# has {glue:text}`paper_size_restarts` restarts, Table 1's number of sources alone (N1 to N5 do not apply),
+# and an HI box of 1024³ cells in place of 2048³: Galaxy and noise are the same, and HI has the same Fourier
+# modes where both boxes have them. {doc}`15_claims` explains verdicts and signs; main parts that hold in less
+# than 84 % of the members are listed with that share, and the last column has the records in which all those
+# parts hold. F1 is reproduced at `laptop` and not with the paper's box, since HI is brighter in finer cells
+# ({doc}`00_the_answer`).
 
 # %% tags=["hide-input"]
 Markdown("\n\n".join([verdicts_table(ledgers), ledgers_table(ledgers, others=others)]))
@@ -107,11 +108,12 @@ quote(
 # ## The figures
 #
 # All figures of the paper at its size, each for the real Galaxy and then the synthetic one. The linked
-# chapter states what each shows, and has both Galaxies at this size among its interactive curves. Those of the
-# real Galaxy have eight restarts of SDecGMCA, the scan over the number of sources one; those of the synthetic
-# Galaxy are of an older run, with one restart. Interactive curves of SDecGMCA at this size have the readings
-# named above, not that of the chapter. Of restarts lines are medians, bands their 16 to 84 % and thin lines single ones; ratios are linear near 1 and
-# logarithmic beyond where a figure says so. All numbers are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# chapter states what each shows, and has both Galaxies at this size among its interactive curves. Those of
+# the real Galaxy have eight restarts of SDecGMCA, the scan over the number of sources one; those of the
+# synthetic Galaxy are of an older run, with one restart. Interactive curves of SDecGMCA at this size have the
+# readings named above, not that of the chapter. Of restarts lines are medians, bands their 16 to 84 % and
+# thin lines single ones; ratios are linear near 1 and logarithmic beyond where a figure says so. All numbers
+# are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]
 Markdown(pictures([real, synthetic], folder))
