@@ -191,8 +191,8 @@ mixing_figure(study, selected, medoid)
 # %% [markdown]
 # The sources are brighter than the sky, and partly cancel, as with GMCA.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of these columns, in mK. Colours: central 96 % of the pixels."}}
-sources_figure(study, selected, medoid)
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of the first four of these columns, in mK. Colours: central 96 % of the pixels."}}
+sources_figure(study, selected, medoid, most=4)
 
 # %% [markdown]
 # ## The residual

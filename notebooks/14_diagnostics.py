@@ -272,7 +272,7 @@ for remover in component:
     if len(members) > 1:  # those of restarts have no median
         rows[labels[remover.name]]["at [MHz]"] = places(quantities[0].argmin(axis=1))
 
-show_table(rows, columns=3)
+show_table(rows, columns=2)
 
 # %% tags=["hide-input"]
 LOW_END = freqs < 1000
@@ -406,7 +406,7 @@ for remover in removers[selected]:
         against_sd = ("channels where highest", "l where smallest")  # SDecGMCA is one of the six
         members.append({what: one_run(one) if what in against_sd else one for what, one in row.items()})
     rows[labels[name]] = over_restarts(remover, members)
-show_table(rows, columns=3)
+show_table(rows, columns=2)
 
 # %% tags=["hide-input"]
 sd = rows["SDecGMCA"]

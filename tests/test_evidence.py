@@ -30,7 +30,7 @@ CASE = pipeline.Case(survey=SURVEY, beam=Oscillating())
 PLAIN = PCA(n_sources=3)
 FAINTER = replace(CASE, dimming=Dimming(weight=1e-2, edge=90.0))
 """So that the rounding of cubes in float32 does not show, whatever A a processor finds."""
-ENDING = SDecGMCA(n_sources=3, lmax=10, n_warmup=4, n_refinement=2, beyond="cut")
+ENDING = SDecGMCA(n_sources=3, lmax=10, n_warmup=4, n_refinement=2, reading="code-rounding")
 
 
 def test_brightness_is_the_rms_of_both_cubes():

@@ -93,9 +93,9 @@ def mixing_figure(study, beam, remover, **options):
     return _of_method(study, plotting.lines([panel], columns=1, size=(6.4, 4)), beam, remover)
 
 
-def sources_figure(study, beam, remover, **options):
-    """The maps that go with the columns of the mixing matrix."""
-    sources = study.separation(beam, remover, **options).sources[:6]
+def sources_figure(study, beam, remover, *, most=6, **options):
+    """The maps that go with the columns of the mixing matrix, the first `most` of them."""
+    sources = study.separation(beam, remover, **options).sources[:most]
     maps = {f"component {n + 1}": source for n, source in enumerate(sources)}
     return _of_method(study, plotting.sky_maps(maps, limits=(2, 98)), beam, remover)
 
