@@ -263,7 +263,7 @@ for remover in component:
             "lowest r": (r.min(), 0.02),
             "at [MHz]": (freqs[r.argmin()], study.survey.channel_width),
             "mean q": (q.mean(), 0.003),
-            "correlation of q and h": (np.corrcoef(q, h)[0, 1], 0.05),
+            "r of q, h": (np.corrcoef(q, h)[0, 1], 0.05),
             "mean f": (f.mean(), max(0.05 * f.mean(), 0.002)),
         }
         for r, q, h, f in zip(*quantities, strict=True)
@@ -293,7 +293,7 @@ quote(
     diagnostics_q_least=(100 * n_sources / len(freqs), 0.1, "%"),
     diagnostics_q_sd_most=of_restarts([(100 * q.max(), 5, "%") for q in of_sd]),
     diagnostics_q_sd_at=places(of_sd.argmax(axis=1)),
-    diagnostics_q_and_h=rows["SDecGMCA"]["correlation of q and h"],
+    diagnostics_q_and_h=rows["SDecGMCA"]["r of q, h"],
 )
 
 # %% [markdown]
@@ -396,14 +396,14 @@ for remover in removers[selected]:
         variance = float(np.exp(np.log(variance).mean()))
         row = {
             "mean r": (r.mean(), 0.005),
-            "channels where highest": (100 * best.mean(), 5, "%"),
+            "channels highest": (100 * best.mean(), 5, "%"),
             "variance of R_l": (variance, 0.1 * variance),
-            "l where smallest": (100 * least.mean(), 5, "%"),
-            "share of two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
+            "l smallest": (100 * least.mean(), 5, "%"),
+            "two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
             "mean R_l": (fractional.mean(), max(0.1 * abs(fractional.mean()), 0.005)),
             "converged": "yes" if assessed.converged else "no",
         }
-        against_sd = ("channels where highest", "l where smallest")  # SDecGMCA is one of the six
+        against_sd = ("channels highest", "l smallest")  # SDecGMCA is one of the six
         members.append({what: one_run(one) if what in against_sd else one for what, one in row.items()})
     rows[labels[name]] = over_restarts(remover, members)
 show_table(rows, columns=2)
@@ -413,14 +413,14 @@ sd = rows["SDecGMCA"]
 of_sd = [squares_of("sdecgmca", n)[1].sum(axis=1) for n in range(len(assessments["sdecgmca"]))]
 nearest = min(row["variance of R_l"][0] for label, row in rows.items() if label != "SDecGMCA")
 times_smaller = [nearest / np.exp(np.log(values).mean()) for values in on_claimed["sdecgmca"]]
-in_two = [row["share of two channels"][0] for row in rows.values()]
+in_two = [row["two channels"][0] for row in rows.values()]
 quote(
     diagnostics_r_sd=sd["mean r"],
     diagnostics_r_pca=rows["PCA"]["mean r"],
     diagnostics_r_gmca=rows["GMCA"]["mean r"],
-    diagnostics_highest=sd["channels where highest"],
-    diagnostics_highest_pca=rows["PCA"]["channels where highest"],
-    diagnostics_smallest=sd["l where smallest"],
+    diagnostics_highest=sd["channels highest"],
+    diagnostics_highest_pca=rows["PCA"]["channels highest"],
+    diagnostics_smallest=sd["l smallest"],
     diagnostics_variance_ratio=of_restarts([(ratio, 0.1 * ratio) for ratio in times_smaller]),
     diagnostics_in_two=one_run((np.mean(in_two), 5, "%")),
     diagnostics_top_share=of_restarts([(100 * one.max() / one.sum(), 5, "%") for one in of_sd]),
