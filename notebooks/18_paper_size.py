@@ -32,7 +32,7 @@
 # 2048³ cells and a single run of SDecGMCA, the other has several restarts and, as the figures, 1024³ cells,
 # which are {glue:text}`paper_size_cell` wide; a pixel at the far end is {glue:text}`paper_size_pixel` wide.
 # {doc}`01_simulations` compares the two boxes. SDecGMCA has here earlier default readings: with the
-# real Galaxy `code-rounding`, continued beyond $\ell = 200$ with its $\epsilon$, with the synthetic one
+# real Galaxy `code-rounding`, continued beyond ℓ = 200 with its ε, with the synthetic one
 # `instrument-noise` ({doc}`16_readings`).
 #
 # The results are stored in `book/results`; {doc}`../book/contributing` has the commands and {doc}`19_scale`
