@@ -244,6 +244,9 @@ plotting.stamp(curves_figure(outcomes), made)
 # $\mathbf{A}$, until it failed in a run; `instrument-noise`, which did not fail in six runs; and `code-rounding`
 # continued with its $\epsilon$, which did not fail on eight starts on each of two skies at `laptop` and on
 # one at the paper's size. Results that are still of one of these say so.
+#
+# More starts can change the order: with the starts of the ledger, more on each sky than here, the last of these
+# had held more statements on both skies that were measured again than the present default does.
 
 # %% tags=["hide-input"]
 ensembles = [

@@ -72,9 +72,9 @@ def test_a_masked_voxel_belongs_to_what_stands_out_most(monkeypatch):
 
 def test_no_cube_is_held_but_hi_through_the_beam(monkeypatch, rng):
     """At the paper's size nearly every line of sight has a peak, and each cube is 1.6 GB."""
-    shape = (20, 49152)
+    shape = (10, 786432)  # so that the block of each thread is a small part, whatever their number
     cube = rng.standard_normal(shape).astype(np.float32)
-    observed = SimpleNamespace(maps=cube + 1, truth=cube, freqs=np.linspace(900, 920, 20))
+    observed = SimpleNamespace(maps=cube + 1, truth=cube, freqs=np.linspace(900, 920, 10))
     monkeypatch.setattr(pipeline, "observation", lambda case: observed)
     masked = PeakMasked(maps=observed.maps, flagged=rng.random(shape) < 0.2)
     monkeypatch.setattr(pipeline, "peak_masked", lambda case, spread: masked)
