@@ -139,6 +139,12 @@ def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=Fal
     return field(default=default, metadata={"help": help, **limits})
 
 
+def fields_on(instance):
+    """Pairs of the fields of a dataclass and their values, without those at the value that is `off`."""
+    pairs = ((item, getattr(instance, item.name)) for item in fields(instance))
+    return [(item, one) for item, one in pairs if "off" not in item.metadata or one != item.metadata["off"]]
+
+
 def checked_fields(instance):
     """Put every field of a frozen dataclass, each a `parameter`, in its type, within its limits or choices.
 

@@ -52,6 +52,7 @@ from himap.removal import (
     SmoothSpectra,
 )
 from himap.sky.galaxy import Dimming, Galaxy
+from himap.store.store import describe
 
 SURVEY = Survey(nside=16, n_channels=24, box_cells=16)
 FINE = Survey(nside=64, n_channels=12, box_cells=16)
@@ -208,7 +209,7 @@ _BEAMS |= {FromFile.name: _beam_of_file, _PERTURBED.name: _beam(_PERTURBED)}
 
 
 def _skies_of(experiment, parameters):
-    return lambda: repr(experiment.skies(preset="ci", n_realisations=2, **parameters))
+    return lambda: describe(experiment.skies(preset="ci", n_realisations=2, **parameters))
 
 
 def codes_of_skies(tree):

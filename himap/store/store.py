@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from himap.core.checks import fields_on
 from himap.core.errors import InputError
 from himap.store import cache, sources
 from himap.store.fingerprint import CodeTree, accepted_version
@@ -112,7 +113,7 @@ class Product:
                 return cache.load(self.name, key)  # another process has computed it meanwhile
             started = time.monotonic()
             value = self._function(*bound.args, **bound.kwargs)
-            seconds, arguments = time.monotonic() - started, _describe(bound.arguments)
+            seconds, arguments = time.monotonic() - started, describe(bound.arguments)
             cache.save(self.name, key, value, arguments=arguments, seconds=seconds)
             MADE.append((self.name, key))
         with suppress(cache.Missing):  # another process has deleted it meanwhile
@@ -144,11 +145,11 @@ class Product:
             raise InputError(f"{self.name}{self._signature} was called otherwise: {error}.") from None
         bound.apply_defaults()
         code = frozenset({self._function, *_classes(bound.arguments)})
-        text = f"{code_digest(code)} {_describe(bound.arguments)}"
+        text = f"{code_digest(code)} {describe(bound.arguments)}"
         return bound, sha256(text.encode()).hexdigest()[:32], is_current(code)
 
 
-def _describe(value):
+def describe(value):
     """Text that is the same for equal arguments and differs for others."""
     extra = f"#{value.digest()}" if hasattr(value, "digest") else ""
     if isinstance(value, np.generic):
@@ -161,15 +162,14 @@ def _describe(value):
     if isinstance(value, Path):
         return repr(str(value)) + extra
     if isinstance(value, (tuple, list)):
-        return "(" + ", ".join(_describe(item) for item in value) + ")"
+        return "(" + ", ".join(describe(item) for item in value) + ")"
     if isinstance(value, dict):
         plain = [isinstance(key, str) and key.isidentifier() for key in value]
-        texts = {key if one else _describe(key): value[key] for key, one in zip(value, plain, strict=True)}
-        return "{" + ", ".join(f"{key}: {_describe(texts[key])}" for key in sorted(texts)) + "}"
+        texts = {key if one else describe(key): value[key] for key, one in zip(value, plain, strict=True)}
+        return "{" + ", ".join(f"{key}: {describe(texts[key])}" for key in sorted(texts)) + "}"
     if is_dataclass(value) and not isinstance(value, type):
-        counted = [(f, getattr(value, f.name)) for f in fields(value) if f.compare]
-        counted = [(f, one) for f, one in counted if not ("off" in f.metadata and one == f.metadata["off"])]
-        inner = ", ".join(f"{f.name}={_describe(one)}" for f, one in counted)
+        counted = {f.name: one for f, one in fields_on(value) if f.compare}
+        inner = ", ".join(f"{name}={describe(one)}" for name, one in counted.items())
         return f"{type(value).__qualname__}({inner}){extra}"
     if extra:
         return type(value).__qualname__ + extra

@@ -13,12 +13,13 @@ import os
 import sys
 import tempfile
 import warnings
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from hashlib import sha256
 from unittest.mock import patch
 
 import numpy as np
 
+from himap.core.checks import fields_on
 from himap.core.errors import InputError
 from himap.core.files import atomic_files
 from himap.core.progress import progress
@@ -161,7 +162,7 @@ def summary(value):
     if isinstance(value, float):
         return {"kind": "number", "at": [_round(value)]}
     if is_dataclass(value):
-        return {item.name: summary(getattr(value, item.name)) for item in fields(value)}
+        return {item.name: summary(one) for item, one in fields_on(value)}
     if isinstance(value, dict):
         return {str(key): summary(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
