@@ -18,7 +18,7 @@ from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.gnilc import GNILC
 from himap.removal.pca import PCA
-from himap.removal.thresholds import sparse
+from himap.removal.thresholds import median, sparse
 
 NSIDE = 16
 N_PIX = 12 * NSIDE**2
@@ -190,3 +190,10 @@ def test_thresholds_are_those_of_numpy(rng, n, share, soft):
     assert np.count_nonzero(kept) == n_kept and not after[~kept].any()
     assert np.array_equal(after[kept], values[kept] - soft * np.sign(values[kept]) * limit)
     assert sparse(values, 2.0, 1.0, level=0.1, soft=soft) == 0.2
+
+
+@pytest.mark.parametrize("decimals", [0, 9], ids=["with ties", "without"])
+@pytest.mark.parametrize("n", [1, 2, 7, 1000, 1001])
+def test_median_is_that_of_numpy(rng, n, decimals):
+    values = rng.standard_normal(n).round(decimals)
+    assert median(values) == np.median(values)

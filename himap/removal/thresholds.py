@@ -17,7 +17,7 @@ NORMAL = 1.4826
 
 _C21_NORMAL = 1 / 0.6735  # standard deviation over median absolute deviation, to the digits of C21's code
 _SMALLEST = 1e-20
-_BITS = 48  # of 64 that are left out: what stays is the sign, the exponent and 4 bits of the fraction
+_BITS = 50  # of 64 that are left out: what stays is the sign, the exponent and 2 bits of the fraction
 _BINS = 1 << (64 - _BITS)
 _SIGN = np.int64(-(2**63))
 
@@ -28,7 +28,7 @@ def ranked(values, rank):
     if values.itemsize != 8 or not 0 <= rank < len(values):
         raise ValueError("a rank is one among float64 numbers")
     keys = values.view(np.int64)
-    counts = np.zeros(_BINS, dtype=np.int64)
+    counts = np.zeros(_BINS, dtype=np.int32)
     for key in keys:
         counts[_bin(key)] += 1
     at, below = 0, 0
@@ -56,7 +56,14 @@ def median(values):
     """The median of float64 `values` (n,)."""
     n = len(values)
     upper = ranked(values, n // 2)
-    return upper if n % 2 else 0.5 * (ranked(values, n // 2 - 1) + upper)
+    if n % 2:
+        return upper
+    below, lower = 0, upper  # the one before it: the largest below, unless there is another of the same
+    for value in values:
+        if value < upper:
+            lower = max(lower, value) if below else value
+            below += 1
+    return 0.5 * ((lower if below == n // 2 else upper) + upper)
 
 
 @njit(cache=True)
