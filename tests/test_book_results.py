@@ -6,13 +6,14 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from ledgers import entry
+from ledgers import ABOUT, entry, finding
 from PIL import Image
 
 from benchmarks.whole import COMMANDS
 from himap.app.notebooks import find
 from himap.app.stored import RESULTS, extrapolated, other_records, read_ledger, read_stored
 from himap.app.stored_tables import (
+    choices_table,
     endurance_table,
     ledgers_table,
     pictures,
@@ -23,6 +24,7 @@ from himap.core.errors import InputError
 from himap.core.memory import estimate
 from himap.core.survey import PRESETS
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+from himap.paper.claims.entries import finding_rows
 from himap.paper.experiments import find_experiment
 from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.realisation import Realisation
@@ -163,7 +165,8 @@ def test_a_larger_survey_costs_what_the_exponents_say():
 
 def test_all_that_is_stored_is_shown():
     others = {path.stem for path in RESULTS.glob("claims_laptop_*.json")}  # chapter 15 shows these
-    assert others <= {f"claims_laptop_{place}" for place in ("letter", "code", "beam_subspace")}
+    choices = "ratios", "middle", "hann", "logarithm", "contrast"
+    assert others <= {f"claims_laptop_{place}" for place in ("letter", "code", "beam_subspace", *choices)}
     ledgers = [*RESULTS.glob("claims_*.json"), *RESULTS.glob("restarts_paper_*.json")]
     names, with_smoothing, folders = shown_at_paper_size()
     assert {*names, with_smoothing} | others == {path.stem for path in ledgers}
@@ -212,6 +215,36 @@ def test_ledgers_stand_side_by_side():
     parts = [entry(IN_PART, IN_PART), entry(*[REPRODUCED] * 9, FAILED, id="O3")]
     ((_, *rows, _),) = tables(ledgers_table([(parts, columns[0][1])]))
     assert [row[3].partition("<br>")[2] for row in rows] == ["holds in: SD a 0%", ""]
+
+
+def test_choices_that_change_a_verdict(tmp_path):
+    """Each record is compared with the ledger on the skies that both have."""
+    rows = [
+        {"seed": seed} | row
+        for seed, verdict in ((1, REPRODUCED), (2, FAILED))
+        for row in finding_rows({"D1": finding(verdict), "O3": finding(FAILED)}, 0)
+    ]
+    experiment = find_experiment("claims")
+    ledger = Record(experiment=experiment, rows=experiment.frame(rows), about=ABOUT)
+    first = ledger.rows[ledger.rows["seed"] == 1]
+    other = experiment.frame(
+        [{"seed": 1} | row for row in finding_rows({"D1": finding(IN_PART), "O3": finding(FAILED)}, 0)]
+    )
+    records = [
+        replace(ledger, rows=some, about=ABOUT | {"overrides": [[name, value]]})
+        for some, name, value in (
+            (first, "polynomial", "logarithm"),
+            (other, "taper", "hann"),
+            (other, "average", "means"),
+        )
+    ]
+    ((head, *rows),) = tables(choices_table(ledger, records))
+    assert head[1:] == ["Members", "Changes, other claims", "Changes, claims on SDecGMCA"]
+    assert [[cell.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in rows] == [
+        ["polynomial of log T in log ν", "1 sky, one run", "none", "none"],
+        ["Hann taper along frequency", "1 sky, one run", "none", "D1 ✓ → ≈"],
+        ["", "1 sky, one run", "none", "D1 ✓ → ≈"],
+    ]
 
 
 def test_what_ledgers_have_in_common_is_said_once():

@@ -46,6 +46,12 @@ def write(folder, name, verdicts, n_restarts=2, **changed):
         ),
         ("claims_a", {"": FAILED}, {"preset": "paper"}, "none found"),
         ("claims_a", {"": REPRODUCED}, {"preset": "paper", "n_restarts": 1}, "none found"),  # a draw
+        (
+            "claims_a",
+            {"": REPRODUCED},
+            {"overrides": [["reading", "letter"], ["average", "ratios"], ["taper", "hann"]]},
+            "mean over channels of C/C0, Hann taper along frequency",
+        ),
         ("claims_a", {"": REPRODUCED}, {}, "none found"),  # the ledger itself
         ("readings", {"letter": FAILED, "code": REPRODUCED}, {"preset": "ci"}, "reading code, ci"),
         ("readings", {"letter": REPRODUCED, "code": REPRODUCED}, {"preset": "ci"}, "ci"),

@@ -5,6 +5,7 @@ import pytest
 
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison, band_means, bands
+from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
 
 
 def comparison(degrees, angular, k=(1.0,), frequency=(1.0,)):
@@ -17,6 +18,22 @@ def comparison(degrees, angular, k=(1.0,), frequency=(1.0,)):
 @pytest.mark.parametrize("errors", [[1.0] * 18 + [0.9, 30.0], [10.0] * 19 + [0.0]], ids=["above", "below"])
 def test_flagged_lines_are_further_than_sigma_from_the_mean(errors):
     assert diagnostics.flagged_lines(np.array(errors)).tolist() == [False] * 19 + [True]
+
+
+def test_averages_over_channels():
+    """C/C0 is 1, 1/2 and 3 in three channels of which the last is the brightest."""
+    true, recovered = np.array([[1.0], [2.0], [6.0]]), np.array([[1.0], [1.0], [18.0]])
+
+    def spectra(cl):
+        angular = AngularPower(degrees=np.array([2.0]), cl=cl)
+        return PowerSpectra(angular=angular, frequency=FrequencyPower(k=np.arange(2.0), power=np.ones(2)))
+
+    expected = {"means": 20 / 9, "ratios": 1.5, "middle": 0.5}
+    assert expected.keys() == diagnostics.AVERAGES.keys()
+    for average, ratio in expected.items():
+        found = Comparison.of(spectra(recovered), spectra(true), l_top=2, average=average)
+        assert found.angular_ratio == pytest.approx([ratio])
+        assert found.true_angular == pytest.approx([2.0 if average == "middle" else 3.0])
 
 
 def test_error_variance(rng):

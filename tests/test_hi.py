@@ -195,6 +195,24 @@ def test_smoothing_of_the_density_against_closed_forms(r_smooth):
     assert less_moved.std() / moved.std() == pytest.approx(expected, rel=0.03)
 
 
+def test_a_bias_of_the_density_contrast():
+    """1 + delta = 1 + b (rho - 1), with rho that of matter; its mean is 1 and voids may be negative."""
+    n, size = 32, 3000.0
+
+    class Unbiased(HIModel):
+        def bias(self, z):
+            return np.ones_like(z)
+
+    matter, _ = hi.lognormal_box(n, size, np.random.default_rng(5), model=Unbiased(), rsd=False)
+    found, _ = hi.lognormal_box(n, size, np.random.default_rng(5), hi_bias="contrast", rsd=False)
+    z = HIModel().cosmology.redshift_at(length(box.cell_centres(n, size)))
+    assert found == pytest.approx(1 + HIModel().bias(z) * (matter - 1), abs=2e-4)
+    assert not np.allclose(found, matter, rtol=0.02)
+    surveys = (replace(NARROW, box_cells=32, nside=8, hi_bias=bias) for bias in ("exponential", "contrast"))
+    usual, other = (hi.hi_maps(survey, survey.rng("hi"), rsd=False) for survey in surveys)
+    assert np.corrcoef(usual[0], other[0])[0, 1] > 0.9 and not np.allclose(usual, other, rtol=1e-3)
+
+
 def test_maps_are_smoothed_as_the_survey_says():
     surveys = (replace(NARROW, box_cells=32, nside=8, r_smooth=r_smooth) for r_smooth in (0.0, 100.0))
     plain, smooth = (hi.hi_maps(survey, survey.rng("hi"), rsd=False) for survey in surveys)

@@ -19,7 +19,7 @@ from himap.measures.low_rank_spectra import (
     masked_power,
     recovered_power,
 )
-from himap.measures.spectra import angular_power, frequency_power
+from himap.measures.spectra import TAPERS, angular_power, frequency_power
 
 NSIDE = 32
 LMAX = 3 * NSIDE - 1
@@ -52,14 +52,16 @@ def recovered(truth, error):
 
 
 class TestMoments:
-    def test_as_of_the_cube(self, truth, error, mask):
+    @pytest.mark.parametrize("taper", TAPERS)
+    def test_as_of_the_cube(self, truth, error, mask, taper):
         kept = slice(None) if mask is None else mask
         found, cube = Moments.of(truth, error, mask=mask), recovered(truth, error)
         assert found.correlation == pytest.approx(correlation(cube[:, kept], truth[:, kept]), abs=1e-9)
-        true, expected = (frequency_power(one, 2.0, mask=mask) for one in (truth.astype(float), cube))
+        options = {"mask": mask, "taper": taper}
+        true, expected = (frequency_power(one, 2.0, **options) for one in (truth.astype(float), cube))
         power = found.frequency_power(true, 2.0)
         assert power.k == pytest.approx(expected.k)
-        assert power.power == pytest.approx(expected.power, rel=1e-9)
+        assert power.power == pytest.approx(expected.power, rel=1e-9) and power.taper == taper
 
     def test_what_takes_the_truth_away_leaves_nothing(self, truth):
         minus = LowRankCube(spectra=-np.eye(6), maps=truth.astype(float))
@@ -69,17 +71,19 @@ class TestMoments:
         assert np.isnan(Moments.of(np.zeros_like(truth), minus).correlation).all()
 
 
+@pytest.mark.parametrize("taper", TAPERS)
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.6])
-def test_the_frequency_power_without_some_lines(truth, error, share, rng):
+def test_the_frequency_power_without_some_lines(truth, error, share, rng, taper):
     """Those left out may be far brighter than the others, and no others are read but for the means."""
     removed, exact = rng.random(3000) < share, truth.astype(float)
     error.maps[:, removed] *= 1e4
     for cube, of in ((exact, ()), (recovered(exact, error), (error,))):
-        expected, total = frequency_power(cube, 2.0, mask=~removed), frequency_power(truth, 2.0)
+        expected = frequency_power(cube, 2.0, mask=~removed, taper=taper)
+        total = frequency_power(truth, 2.0, taper=taper)
         if of:  # as in an assessment
             total = Moments.of(truth, error).frequency_power(total, 2.0)
         found = frequency_power_without(total, removed, 2.0, truth, *of)
-        assert found.k == pytest.approx(expected.k)
+        assert found.k == pytest.approx(expected.k) and found.taper == taper
         assert found.power[1:] == pytest.approx(expected.power[1:], rel=1e-5)
     with pytest.raises(InputError, match="no line of sight is kept"):
         frequency_power_without(total, np.ones(3000, dtype=bool), 2.0, truth)

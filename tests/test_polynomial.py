@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from himap.core.errors import InputError
 from himap.removal.polynomial import Polynomial
 
 FREQS = np.linspace(902.5, 1397.5, 100)
@@ -42,3 +43,40 @@ def test_sources_are_coefficients_of_the_mixing(sextic):
     assert separation.mixing.T @ separation.mixing == pytest.approx(np.eye(7), abs=1e-13)
     model = separation.mixing @ separation.sources
     assert separation.foreground.cube() == pytest.approx(model, rel=1e-7)
+
+
+class TestLogarithm:
+    """log T as a polynomial of log nu."""
+
+    @pytest.fixture
+    def laws(self, rng):
+        """Power laws with a running of the index, around 1e4 mK."""
+        x, (index, running) = np.log(FREQS / 1150)[:, None], rng.standard_normal((2, 48))
+        return 1e4 * np.exp(rng.standard_normal(48) + (index - 2.7) * x + running * x**2)
+
+    @pytest.mark.parametrize("n_channels", [20, 100])
+    def test_power_laws_are_exact(self, laws, n_channels):
+        found = Polynomial(variable="logarithm", order=2).clean(laws[:n_channels], freqs=FREQS[:n_channels])
+        assert found.residual == pytest.approx(0 * laws[:n_channels], abs=1e-6)
+        assert np.abs(clean(laws, order=2).residual).max() > 1
+
+    def test_the_fit_is_that_of_numpy(self, laws, rng):
+        maps, x = laws * (1 + 0.01 * rng.standard_normal(laws.shape)), np.log(FREQS)
+        fit = np.polynomial.Polynomial.fit
+        logs = np.array([fit(x, line, 3)(x) for line in np.log(maps).T]).T
+        assert clean(maps, order=3, variable="logarithm").residual == pytest.approx(
+            maps - np.exp(logs), rel=1e-4, abs=0.05
+        )
+
+    def test_missing_voxels_may_be_anything(self, laws):
+        weights = np.ones(laws.shape)
+        weights[10:15, ::2] = 0
+        maps = np.where(weights > 0, laws, -5.0)
+        method = Polynomial(order=2, variable="logarithm")
+        residual = method.clean(maps, freqs=FREQS, weights=weights).residual
+        assert residual[weights > 0] == pytest.approx(0, abs=1e-5)
+
+    def test_what_has_no_logarithm_is_refused(self, laws):
+        laws[3, 5] = 0
+        with pytest.raises(InputError, match="1 of 4800 voxels are not positive; .*variable='temperature'"):
+            clean(laws, variable="logarithm")

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from himap.core.errors import InputError
 from himap.core.survey import PRESETS, Survey
 from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
 from himap.instrument.noise import noise_sigma
@@ -13,7 +14,7 @@ from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
 from himap.paper import cleaned
 from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
-from himap.removal import SDecGMCA
+from himap.removal import Polynomial, SDecGMCA
 from himap.sky.galaxy import Dimming
 
 
@@ -66,6 +67,21 @@ def test_noise_is_that_of_the_paper_s_pixels_and_channels(reading):
     paper = replace(PRESETS["paper"], noise_reading=reading)
     expected = np.mean(noise_sigma(paper) ** 2) * 4 * np.pi / paper.n_pix
     assert np.average(noise, weights=2 * np.arange(len(noise)) + 5) == pytest.approx(expected, rel=0.05)
+
+
+def test_choices_that_do_not_concern_sdecgmca():
+    """The average is that of every comparison, the variable that of the polynomial alone."""
+    sky = replace(SKY, average="middle", polynomial="logarithm")
+    usual, other = SKY.calls("degraded"), sky.calls("degraded")
+    assert other.pop("polynomial") == (usual.pop("polynomial")[0], Polynomial(variable="logarithm"), True)
+    assert other == usual
+    for one, average in ((SKY, "means"), (sky, "middle")):
+        call = one.calls("degraded")["pca"]
+        expected = cleaned.compared(*call, average=average)
+        assert np.array_equal(one._compare(call).angular, expected.angular)
+    assert not np.array_equal(expected.angular, cleaned.compared(*call).angular)
+    with pytest.raises(InputError, match="average must be one of means, ratios, middle, got 'median'"):
+        replace(SKY, average="median")
 
 
 def test_every_assessment_that_the_claims_need():

@@ -94,6 +94,8 @@ TABLE = [
     (Survey, "f_sky", 0.0, "above 0 and at most 1"),
     (Survey, "seed", -1, "at least 0"),
     (Survey, "box_cells", 65, "box_cells must be even.*got 65, try 66"),
+    (Survey, "hi_bias", "matter", "hi_bias must be exponential or contrast, got 'matter'"),
+    (Survey, "taper", "cosine", "taper must be none or hann, got 'cosine'"),
     (Survey, "noise_reading", "power", "noise_reading must be deviation or variance, got 'power'"),
     (Galaxy, "source", "haslam", "there are synthetic, templates, pysm3"),
     (Galaxy, "source", "templates", "needs template_dir.*one synchrotron index map"),

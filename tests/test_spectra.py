@@ -3,7 +3,9 @@
 import healpy as hp
 import numpy as np
 import pytest
+from scipy import signal
 
+from himap.core.errors import InputError
 from himap.maps import masks, sphere
 from himap.measures import spectra
 from himap.measures.spectra import angular_power, decouple, frequency_power
@@ -139,3 +141,20 @@ def test_parseval_along_the_line_of_sight(rng, n_channels):
     variance = maps.var(axis=1).mean()
     assert (twice * power.power).sum() / (n_channels * width) == pytest.approx(variance)
     assert power.power == pytest.approx(9 * width, rel=0.05)
+
+
+@pytest.mark.parametrize("n_channels", [20, 21])
+def test_a_taper_is_that_of_scipy(rng, n_channels):
+    """Hann's window with the same distance to both ends of the band; the mean square of a taper is 1."""
+    lines = rng.standard_normal((n_channels, N_PIX)) + np.linspace(0, 5, n_channels)[:, None]
+    window = signal.windows.hann(2 * n_channels + 1)[1::2]
+    _, density = signal.periodogram(
+        lines - lines.mean(axis=1, keepdims=True), 0.25, window, detrend=False, return_onesided=False, axis=0
+    )
+    expected = density.mean(axis=1)[: n_channels // 2 + 1]
+    assert frequency_power(lines, 4.0, taper="hann").power == pytest.approx(expected)
+
+
+def test_an_unknown_taper_is_refused():
+    with pytest.raises(InputError, match="taper must be one of none, hann, got 'cosine'"):
+        frequency_power(np.ones((3, N_PIX)), 1.0, taper="cosine")

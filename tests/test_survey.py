@@ -36,9 +36,9 @@ def test_default_and_overrides():
 
 
 def test_the_sky_does_not_depend_on_the_instrument():
-    """Every field of the dish and of the noise goes back to its default, and no other."""
+    """Every field of the dish, of the noise and of the measures goes back to its default, and no other."""
     changed = {"dish_diameter": 20.0, "n_dishes": 64, "t_obs": 1e3, "t_instr": 20.0, "f_sky": 0.5}
-    survey = Survey.preset("ci", seed=3, **changed, noise_reading="variance")
+    survey = Survey.preset("ci", seed=3, **changed, noise_reading="variance", taper="hann")
     assert survey.sky == Survey.preset("ci", seed=3)
 
 

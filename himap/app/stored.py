@@ -41,6 +41,16 @@ GALAXIES = {"templates": "real Galaxy", "synthetic": "synthetic Galaxy"}
 _TIMES = {"HI light cone": 1, "observations, three beams": 1, "BeamSubspace": 0, "all measures": 3 * 6}
 """How often a step is done for Figs. 1 and 2, {step: times}; once for each of the three beams by default."""
 
+CHOICES = {
+    "box_cells": "HI box of {}³ cells",
+    "r_smooth": "HI smoothed by {:g} Mpc/h",
+    "hi_bias": {"contrast": "HI bias times the density contrast"},
+    "average": {"ratios": "mean over channels of C/C0", "middle": "C/C0 of the middle channel"},
+    "taper": {"hann": "Hann taper along frequency"},
+    "polynomial": {"logarithm": "polynomial of log T in log ν"},
+}
+"""{parameter of the claims that does not concern SDecGMCA: what a record with it has, in words}."""
+
 _HELD = {"HI light cone": "HI light cone", "observations, three beams": "observing"}
 _CORES = 2  # of the machine that the steps were measured on
 
@@ -117,8 +127,8 @@ def _judgements(record, made):
     usual, words, changed = record_words(made), record_words(record.made), dict(record.made.overrides)
     if words["method"] != usual["method"]:  # another method is not why SDecGMCA does something
         return
-    skies = "size", "galaxy", "box", "smoothing"
-    words = ", ".join(words[name] for name in skies if words[name] not in ("", usual[name]))
+    names = "size", "galaxy", *CHOICES
+    words = ", ".join(words[name] for name in names if words[name] not in ("", usual[name]))
     reading = dict(made.overrides).get("reading", "default")
     if record.experiment.name == "claims":
         label = changed.get("reading", "default")
@@ -144,9 +154,12 @@ def record_words(made):
         "galaxy": GALAXIES.get(galaxy, galaxy),
         "method": styles.numbered(changed["method"], None) if "method" in changed else "",
         "reading": reading if (reading := changed.get("reading", "default")) != "default" else "",
-        "box": f"HI box of {changed['box_cells']}³ cells" if "box_cells" in changed else "",
-        "smoothing": f"HI smoothed by {changed['r_smooth']:g} Mpc/h" if "r_smooth" in changed else "",
-    }
+    } | {name: _said(words, changed[name]) if name in changed else "" for name, words in CHOICES.items()}
+
+
+def _said(words, value):
+    """What `CHOICES` has of a parameter, for its value; nothing of the default."""
+    return words.get(value, "") if isinstance(words, dict) else words.format(value)
 
 
 def stored_figures(results=None, folders=None):

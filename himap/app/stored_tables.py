@@ -10,6 +10,7 @@ from himap.app.stored import RESULTS, record_words, stored_figure, stored_figure
 from himap.figures import styles
 from himap.figures.tables import Table
 from himap.paper.claims import CLAIMS, INAPPLICABLE
+from himap.paper.claims.entries import entries as entries_of
 from himap.paper.ledger_table import BADGES, cause, measured, members_text, shares_text, summary
 from himap.store.provenance import Provenance
 
@@ -146,6 +147,30 @@ def verdicts_table(ledgers):
     ]
     signs = [f"{sign} {verdict}" for verdict, (sign, _) in BADGES.items()]
     return _markdown(["", "members", *signs], rows)
+
+
+def choices_table(ledger, others):
+    """Which verdicts of a ledger other choices change, as Markdown: a row for each of some other records.
+
+    Parameters
+    ----------
+    ledger, others
+        The `Record` of the claims, and a list of such that differ from it in `stored.CHOICES`. Each is
+        compared with the ledger on the skies that both have.
+    """
+    rows, usual = [], record_words(ledger.made)
+    for other in others:
+        seeds = {*ledger.rows["seed"]} & {*other.rows["seed"]}
+        both = [entries_of(record.rows[record.rows["seed"].isin(seeds)]) for record in (ledger, other)]
+        changed = {True: [], False: []}  # by whether the claim is about SDecGMCA
+        for before, after in zip(*both, strict=True):
+            if before.verdict != after.verdict:
+                signs = f"{BADGES[before.verdict][0]} → {BADGES[after.verdict][0]}"
+                changed[after.about_sd].append(f"{after.claim.id} {signs}".replace(" ", _NO_BREAK))
+        words = [word for name, word in record_words(other.made).items() if word != usual[name]]
+        several = [", ".join(changed[about_sd]) or "none" for about_sd in (False, True)]
+        rows.append([", ".join(words), members_text(both[1][0]), *several])
+    return _markdown(["Choice", "Members", "Changes, other claims", "Changes, claims on SDecGMCA"], rows)
 
 
 def _ledger_names(ledgers):

@@ -57,6 +57,18 @@ class Survey:
         "one in mK^2, whose root is the noise, which depends on the unit",
         choices=("deviation", "variance"),
     )
+    hi_bias: str = parameter(
+        "exponential",
+        "what the HI bias multiplies: the field in the exponential, or the lognormal density contrast",
+        choices=("exponential", "contrast"),
+        off="exponential",
+    )
+    taper: str = parameter(
+        "none",
+        "taper of lines of sight before their Fourier transform",
+        choices=("none", "hann"),
+        off="none",
+    )
     seed: int = parameter(2025, "seed of every random stream", minimum=0, maximum=2**63)
 
     def __post_init__(self):
@@ -123,7 +135,7 @@ class Survey:
     @property
     def sky(self):
         """This survey with the default instrument: all that a simulated sky depends on."""
-        instrument = ("dish_diameter", "n_dishes", "t_obs", "t_instr", "f_sky", "noise_reading")
+        instrument = ("dish_diameter", "n_dishes", "t_obs", "t_instr", "f_sky", "noise_reading", "taper")
         return replace(self, **{name: getattr(Survey, name) for name in instrument})
 
     def rng(self, component):

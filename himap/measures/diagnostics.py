@@ -167,6 +167,20 @@ class Assessment:
     diagnostics: dict | None = None
 
 
+def _mean_ratio(recovered, true):
+    mean = true.mean(axis=0)
+    return mean * ratio(recovered, true).mean(axis=0), mean
+
+
+AVERAGES = {
+    "means": lambda recovered, true: (recovered.mean(axis=0), true.mean(axis=0)),
+    "ratios": _mean_ratio,
+    "middle": lambda recovered, true: (recovered[len(true) // 2], true[len(true) // 2]),
+}
+"""{average over channels: function from C_l (n_channels, n_l), recovered and true, to one of each, (n_l,)},
+of which C/C0 is the quotient: of the means, the mean of the quotients, or that of the middle channel."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
     """Both spectra of a residual, and those of the truth.
@@ -174,7 +188,7 @@ class Comparison:
     Attributes
     ----------
     degrees, angular, true_angular
-        l, from 2, and C_l averaged over channels, mK^2, (n_l,).
+        l, from 2, and C_l averaged over channels as one of `AVERAGES`, mK^2, (n_l,).
     k, frequency, true_frequency
         k, above 0, 1/MHz, and P(k), mK^2 MHz, (n_k,).
     """
@@ -187,14 +201,18 @@ class Comparison:
     true_frequency: np.ndarray
 
     @classmethod
-    def of(cls, recovered, true, *, l_top):
-        """From two `PowerSpectra`, for 2 <= l <= l_top where the recovered one has C_l, and k > 0."""
+    def of(cls, recovered, true, *, l_top, average="means"):
+        """From two `PowerSpectra`, for 2 <= l <= l_top where the recovered one has C_l, and k > 0.
+
+        C_l is averaged over channels as one of `AVERAGES`.
+        """
         degrees = true.angular.degrees[: len(recovered.angular.degrees)]
         inside = np.flatnonzero((degrees >= 2) & (degrees <= l_top))
+        angular, true_angular = AVERAGES[average](recovered.angular.cl[:, inside], true.angular.cl[:, inside])
         return cls(
             degrees=degrees[inside],
-            angular=recovered.angular.mean[inside],
-            true_angular=true.angular.mean[inside],
+            angular=angular,
+            true_angular=true_angular,
             k=true.frequency.k[1:],
             frequency=recovered.frequency.power[1:],
             true_frequency=true.frequency.power[1:],

@@ -6,17 +6,16 @@ cube: they follow from those of the truth, of the truth with the maps of the err
 other.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import fft
 
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube, blocks
 from himap.maps.masks import mask_weights
-from himap.measures.spectra import BLOCK, FrequencyPower, checked_maps, decouple, weighted
+from himap.measures.spectra import BLOCK, checked_maps, decouple, tapered_modes, weighted
 
 FAINT = 3e-8
 """Of the variance of the truth, summed over channels: terms of an error that no spectrum shows."""
@@ -93,13 +92,13 @@ def frequency_power_without(total, removed, channel_width, cube, error=None):
     squares, sums = np.zeros(len(total.k)), np.zeros(len(total.k), dtype=complex)
     for block in (pixels[part] for part in blocks(len(pixels), BLOCK)):
         lines = cube[:, block] - means[:, None]
-        modes = fft.rfft(lines if error is None else lines + error.lines(block), axis=0)
+        modes = tapered_modes(lines if error is None else lines + error.lines(block), total.taper)
         squares += np.sum(modes.real**2 + modes.imag**2, axis=1)
         sums += modes.sum(axis=1)
     # The other lines add up to -sums, and each is to be less the mean of these.
     squares += np.abs(sums) ** 2 / n_kept
     power = (n_pix * total.power - squares * channel_width / n_channels) / n_kept
-    return FrequencyPower(k=total.k, power=power)
+    return replace(total, power=power)
 
 
 def line_errors(error):
@@ -287,10 +286,10 @@ class Moments:
     def frequency_power(self, true, channel_width):
         """`FrequencyPower` of T with its error, from that of T on the same lines of sight.
 
-        The Fourier transform along a line is linear: what it makes of the products of T with the maps, and of
-        the spectra, is all that the power lacks.
+        The Fourier transform along a line is linear, with a taper too: what it makes of the products of T
+        with the maps, and of the spectra, is all that the power lacks.
         """
-        spectra, cross = fft.rfft(self.spectra, axis=0), fft.rfft(self.cross, axis=0)
+        spectra, cross = (tapered_modes(one, true.taper) for one in (self.spectra, self.cross))
         more = 2 * np.einsum("km,km->k", spectra.conj(), cross).real
         more += np.einsum("km,mn,kn->k", spectra, self.gram, spectra.conj()).real
-        return FrequencyPower(k=true.k, power=true.power + more * channel_width / len(self.variance))
+        return replace(true, power=true.power + more * channel_width / len(self.variance))

@@ -46,12 +46,30 @@ class AngularPower:
         return AngularPower(degrees=self.degrees[inside], cl=self.cl[:, inside])
 
 
+TAPERS = {"none": np.ones_like, "hann": lambda x: 1 + np.cos(2 * np.pi * x)}
+"""{taper of a line of sight before its Fourier transform: function of the place in the band, -1/2 to 1/2}."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FrequencyPower:
-    """`k` (n_k,), 1/MHz, from 0; `power` (n_k,), mK^2 MHz, averaged over lines of sight."""
+    """`k` (n_k,), 1/MHz, from 0; `power` (n_k,), mK^2 MHz, averaged over lines of sight with this `taper`."""
 
     k: np.ndarray
     power: np.ndarray
+    taper: str = "none"
+
+
+def tapered_modes(lines, taper):
+    """Fourier transform along frequency of lines of sight times a taper, (n_channels, ...) to (n_k, ...).
+
+    The mean square of the taper, one of `TAPERS`, is made 1, so that white noise keeps its power.
+    """
+    if taper != "none":
+        n_channels = len(lines)
+        window = TAPERS[taper]((np.arange(n_channels) + 0.5) / n_channels - 0.5)
+        window /= np.sqrt(np.mean(window**2))
+        lines = lines * window.astype(lines.dtype).reshape(-1, *[1] * (lines.ndim - 1))
+    return fft.rfft(lines, axis=0, workers=-1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +158,7 @@ def checked_maps(maps, mask):
     return checked_cube("maps", maps, kept=None if mask is None else weights > 0), weights
 
 
-def frequency_power(maps, channel_width, *, mask=None):
+def frequency_power(maps, channel_width, *, mask=None, taper="none"):
     """`FrequencyPower`, averaged over lines of sight.
 
     ``P(k) = <|dnu FFT_nu(T - mean)|^2> / (n_channels dnu)`` at k = 2 pi n / (n_channels dnu), n from 0 to
@@ -154,15 +172,19 @@ def frequency_power(maps, channel_width, *, mask=None):
         MHz.
     mask
         As in `angular_power`; weights count once in the mean over lines of sight.
+    taper
+        A name in `TAPERS`; its mean square is 1.
 
     Raises
     ------
     InputError
-        A bad mask, or a channel width that is not a positive number.
+        A bad mask, a channel width that is not a positive number, or an unknown taper.
     """
     maps, weights = checked_maps(maps, mask)
     if not (isinstance(channel_width, numbers.Real) and 0 < channel_width < np.inf):
         raise InputError(f"channel_width must be a positive number of MHz, got {channel_width!r}.")
+    if taper not in TAPERS:
+        raise InputError(f"taper must be one of {', '.join(TAPERS)}, got {taper!r}.")
     n_channels, n_pix = maps.shape
     kept = weights > 0
     inside, norm = slice(None) if kept.all() else kept, weights.sum()
@@ -170,7 +192,7 @@ def frequency_power(maps, channel_width, *, mask=None):
     total, weights = np.zeros(n_channels // 2 + 1), weights.astype(maps.dtype)
     for block in progress(blocks(n_pix, BLOCK), "frequency spectra"):
         lines = np.where(kept[block], maps[:, block] - mean[:, None], 0)
-        modes = fft.rfft(lines, axis=0, workers=-1)
+        modes = tapered_modes(lines, taper)
         total += (modes.real**2 + modes.imag**2) @ weights[block]
     power = total * channel_width / (n_channels * norm)
-    return FrequencyPower(k=2 * np.pi * fft.rfftfreq(n_channels, channel_width), power=power)
+    return FrequencyPower(k=2 * np.pi * fft.rfftfreq(n_channels, channel_width), power=power, taper=taper)

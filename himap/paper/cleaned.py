@@ -124,7 +124,7 @@ def assessment(case, remover, mask_peaks=True):
     truth, spectra, cut = pipeline.truth(case), pipeline.true_spectra(case), None
     low, alms = _truth_upto(case, lmax)
     if lmax is not None:
-        cut = pipeline.spectra_of(low, alms, width)
+        cut = pipeline.spectra_of(low, alms, case.survey)
     moments, errors = Moments.of(low, wrong), line_errors(wrong)
     correlation = moments.correlation
     if cut is not None:
@@ -190,14 +190,15 @@ def _against_all(low, wrong, truth):
     return errors, correlation
 
 
-def compared(*call, masked=False):
+def compared(*call, masked=False, average="means"):
     """The `Comparison` of the residual with the truth, of arguments of `assessment`.
 
     With `masked`, without the lines of sight whose error stands out, in the residual and in the truth.
+    `average` as of `Comparison.of`.
     """
     case, *_ = call
     pair = post_masked(*call) if masked else (assessment(*call).power_spectra, pipeline.true_spectra(case))
-    return Comparison.of(*pair, l_top=2 * case.survey.nside)
+    return Comparison.of(*pair, l_top=2 * case.survey.nside, average=average)
 
 
 def make(work):

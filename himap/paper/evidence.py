@@ -90,7 +90,7 @@ def noise_and_hi(case):
     return tuple(
         PowerSpectra(
             angular=AngularPower(degrees=degrees, cl=beam**2 * sphere.power_spectrum(alm)),
-            frequency=frequency_power(cube, survey.channel_width),
+            frequency=frequency_power(cube, survey.channel_width, taper=survey.taper),
         )
         for cube, alm, beam in zip(cubes, alms, beams, strict=True)
     )

@@ -103,8 +103,9 @@ def compared(case, remover, region, way, margin=4.0):
     if way == "post-masked":
         inside &= ~diagnostics.flagged_lines(line_errors(cleaned.error(case, remover)))
     alms, error = masked_alms(true, mask=inside), difference(left, true, mask=inside)
-    along = frequency_power(true, case.survey.channel_width, mask=inside)
-    more = Moments.of(true, error, mask=inside).frequency_power(along, case.survey.channel_width)
+    survey = case.survey
+    along = frequency_power(true, survey.channel_width, mask=inside, taper=survey.taper)
+    more = Moments.of(true, error, mask=inside).frequency_power(along, survey.channel_width)
     recovered = PowerSpectra(angular=recovered_power(alms, error, mask=inside), frequency=more)
     spectra = PowerSpectra(angular=masked_power(alms, inside), frequency=along)
     return Comparison.of(recovered, spectra, l_top=2 * case.survey.nside)

@@ -60,7 +60,7 @@ def sdecgmca_for(beam, **changed):
     return beam_aware_for(beam, **changed)
 
 
-def methods_for(beam, n_sources=None, *, method="sdecgmca", **options):
+def methods_for(beam, n_sources=None, *, method="sdecgmca", variable="temperature", **options):
     """The six methods as the paper uses them for one beam, in the order of `BSS` and then the two fits.
 
     Parameters
@@ -69,6 +69,8 @@ def methods_for(beam, n_sources=None, *, method="sdecgmca", **options):
         A `Beam`.
     n_sources
         The number of sources; that of Table 1 unless given.
+    variable
+        Of the polynomial, as of `Polynomial`.
     method, options
         As in `beam_aware_for`, which refuses bad ones: what stands in the place of SDecGMCA, and what differs
         from its defaults.
@@ -79,6 +81,6 @@ def methods_for(beam, n_sources=None, *, method="sdecgmca", **options):
         FastICA(n_sources=n),
         GMCA(n_sources=n),
         beam_aware_for(beam, method, **{"n_sources": n} | options),
-        Polynomial(),
+        Polynomial(variable=variable),
         Parametric(),
     ]

@@ -239,11 +239,12 @@ def truth(case, lmax=None, channels=slice(None)):
 @product
 def true_spectra(case):
     """The `PowerSpectra` of the truth."""
-    return spectra_of(observation(case).truth, truth_alms(case), case.survey.channel_width)
+    return spectra_of(observation(case).truth, truth_alms(case), case.survey)
 
 
-def spectra_of(maps, alms, width):
-    """`PowerSpectra` of a cube (n_channels, n_pix), mK, whose coefficients are at hand; `width` in MHz."""
+def spectra_of(maps, alms, survey):
+    """`PowerSpectra` of a cube (n_channels, n_pix), mK, of a survey, whose coefficients are at hand."""
     cl = sphere.power_spectrum(alms)
     angular = AngularPower(degrees=np.arange(cl.shape[1], dtype=float), cl=cl)
-    return PowerSpectra(angular=angular, frequency=frequency_power(maps, width))
+    frequency = frequency_power(maps, survey.channel_width, taper=survey.taper)
+    return PowerSpectra(angular=angular, frequency=frequency)

@@ -43,6 +43,10 @@ class Realisation:
         value) of its options that differ from their defaults. In the claims its name is "sdecgmca".
     restart
         Which start of this method, 0 or more; where it has no field `restart` there is only 0.
+    average
+        Of C_l over channels, one of `diagnostics.AVERAGES`.
+    polynomial
+        Variable of the polynomial fit, as of `himap.removal.Polynomial`.
     """
 
     survey: Survey = field(default_factory=Survey)
@@ -53,6 +57,8 @@ class Realisation:
     method: str = "sdecgmca"
     options: tuple = ()
     restart: int = 0
+    average: str = "means"
+    polynomial: str = "temperature"
 
     def __post_init__(self):
         self._case(self.oscillating)  # refuses bad values
@@ -63,6 +69,9 @@ class Realisation:
                 f"got {', '.join(map(str, counts)) or 'none; is the least above the most?'}."
             )
         whole_number("restart", self.restart, 0, 10**6)
+        if self.average not in diagnostics.AVERAGES:
+            known = ", ".join(diagnostics.AVERAGES)
+            raise InputError(f"average must be one of {known}, got {self.average!r}.")
         for observed, method, *_ in self.assessments:  # refuses bad methods and options
             method.check(observed.survey.n_channels)
 
@@ -111,7 +120,8 @@ class Realisation:
         The two fits are not among them where peaks are measured in another deviation.
         """
         observed, peaks = self.cases[case]
-        methods = methods_for(observed.beam, method=self.method, **self._options)
+        kinds = {"method": self.method, "variable": self.polynomial}
+        methods = methods_for(observed.beam, **kinds, **self._options)
         return {
             name: (observed, method, peaks)
             for name, method in zip(METHODS, methods, strict=True)
@@ -176,7 +186,7 @@ class Realisation:
     def _compare(self, call, masked=False):
         """`Comparison` of an assessment with the truth, which ends where it does."""
         if (call, masked) not in self._compared:
-            self._compared[call, masked] = cleaned.compared(*call, masked=masked)
+            self._compared[call, masked] = cleaned.compared(*call, masked=masked, average=self.average)
         return self._compared[call, masked]
 
     @cached_property
@@ -227,7 +237,7 @@ class Realisation:
         scale = np.sqrt(wider) if survey.noise_reading == "variance" else wider
         cl = noise.angular.cl * scale * (survey.nside / paper.nside) ** 2
         noise = replace(noise, angular=replace(noise.angular, cl=cl))
-        return Comparison.of(noise, hi, l_top=2 * survey.nside)
+        return Comparison.of(noise, hi, l_top=2 * survey.nside, average=self.average)
 
     def without_sources(self):
         """`Comparison` of the parametric fit on the degraded case of a sky without point sources.
@@ -238,7 +248,7 @@ class Realisation:
         if isinstance(found, str):
             raise InputError(found)
         true = pipeline.true_spectra(self.cases["degraded"][0])
-        return Comparison.of(found, true, l_top=2 * self.survey.nside)
+        return Comparison.of(found, true, l_top=2 * self.survey.nside, average=self.average)
 
     def flagged_error(self):
         """What the error of SDecGMCA on its flagged lines consists of: `evidence.error_of_flagged_lines`."""

@@ -5,8 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from himap.core.errors import InputError
+from himap.maps.low_rank import LowRankCube, blocks
 from himap.removal.base import ForegroundRemover, Separation, parameter
-from himap.removal.peaks import check_clipping, least_channels, smooth_baselines
+from himap.removal.peaks import baseline_basis, check_clipping, least_channels, smooth_baselines
+
+_DEGREE = 31  # of polynomials in log nu that hold the exponential of a fit, to rounding
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,6 +21,9 @@ class Polynomial(ForegroundRemover):
     leaves more than `n_sigma` standard deviations away. The mixing matrix A holds polynomials that are
     orthonormal over the channels instead of powers of nu, the sources S their coefficients: the same fit.
 
+    With ``variable="logarithm"`` it is log T that is such a polynomial, of log nu, as in other works; A and S
+    are of log(T / mean along the line).
+
     With weights of voxels it has the least weighted squares; those of pixels change nothing.
     """
 
@@ -24,6 +31,12 @@ class Polynomial(ForegroundRemover):
     uses: ClassVar[frozenset] = frozenset({"weights"})
     order: int = parameter(6, "order of the polynomial", minimum=1)
     n_sigma: float = parameter(5.0, "channels further from the first fit are left out", minimum=0, above=True)
+    variable: str = parameter(
+        "temperature",
+        "what is a polynomial: temperature of frequency, or the logarithm of one of that of the other",
+        choices=("temperature", "logarithm"),
+        off="temperature",
+    )
 
     def check(self, n_channels):
         """Refuse an order or threshold that leaves too few channels (`peaks.check_clipping`)."""
@@ -35,7 +48,43 @@ class Polynomial(ForegroundRemover):
 
     def _separate(self, data):
         # The paper fits the total temperature, and clips what stands out from it.
-        baselines = smooth_baselines(
-            data.total, data.freqs, order=self.order, n_sigma=self.n_sigma, weights=data.weights
+        options = {"order": self.order, "n_sigma": self.n_sigma, "weights": data.weights}
+        lines, freqs, low_rank = data.total, data.freqs, None
+        if self.variable == "logarithm":
+            middle = freqs.mean()
+            (lines, scale), freqs = _logarithms(data), middle * (1 + np.log(freqs / middle))
+        baselines = smooth_baselines(lines, freqs, **options)
+        if self.variable == "logarithm":
+            low_rank = _exponential(baselines.basis, baselines.second, scale, freqs)
+        return Separation(
+            low_rank=low_rank,
+            mixing=baselines.basis,
+            sources=baselines.second,
+            means=np.zeros(len(freqs)),
         )
-        return Separation(mixing=baselines.basis, sources=baselines.second, means=np.zeros(len(data.freqs)))
+
+
+def _logarithms(data):
+    """log(T / mean of the line), (n_channels, n_pix), 0 where voxels are missing; and that mean, (n_pix,)."""
+    total = data.total
+    seen = data.weights > 0 if np.ndim(data.weights) == 2 else np.ones(1, dtype=bool)
+    n_bad = np.count_nonzero((total <= 0) & seen)
+    if n_bad:
+        raise InputError(
+            f"variable='logarithm' fits the logarithm of the total brightness, but {n_bad} of {total.size} "
+            "voxels are not positive; give maps from which no mean was removed, or use "
+            "variable='temperature'."
+        )
+    scale = np.mean(total, axis=0, dtype=np.float64, where=seen)
+    lines = np.zeros_like(total)
+    np.log(total / scale.astype(total.dtype), out=lines, where=seen)
+    return lines, scale
+
+
+def _exponential(basis, coefficients, scale, freqs):
+    """`LowRankCube` of scale exp(basis coefficients), with polynomials of `freqs` as its spectra."""
+    spectra = baseline_basis(freqs, min(_DEGREE, len(freqs) - 1))
+    maps = np.empty((spectra.shape[1], len(scale)))
+    for block in blocks(len(scale)):
+        maps[:, block] = spectra.T @ (np.exp(basis @ coefficients[:, block]) * scale[block])
+    return LowRankCube(spectra=spectra, maps=maps)

@@ -39,7 +39,8 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8, folder=None)
     Returns
     -------
     maps
-        (n_channels, n_pix) float32, mK, RING: T = Tbar(z) (1 + delta_s), never negative.
+        (n_channels, n_pix) float32, mK, RING: T = Tbar(z) (1 + delta_s); negative only where
+        1 + delta is.
 
     Raises
     ------
@@ -54,8 +55,8 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8, folder=None)
             f"{survey.box_size:.0f} Mpc/h reaches {survey.box_size / 2:.0f}. Set box_size to at least "
             f"{2 * edges[-1]:.0f} or raise freq_min."
         )
-    options = {"model": model, "rsd": rsd, "r_smooth": survey.r_smooth, "folder": folder}
-    density, displacement = lognormal_box(survey.box_cells, survey.box_size, rng, **options)
+    options = {"model": model, "rsd": rsd, "r_smooth": survey.r_smooth, "hi_bias": survey.hi_bias}
+    density, displacement = lognormal_box(survey.box_cells, survey.box_size, rng, folder=folder, **options)
     maps = trace(density, displacement, edges, survey.nside, survey.box_size, oversample=oversample)[::-1]
     nodes, weights = np.polynomial.legendre.leggauss(4)  # over the width of a channel
     freqs = survey.freqs[:, None] + 0.5 * np.diff(survey.freq_edges)[:, None] * nodes
@@ -63,11 +64,15 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8, folder=None)
     return maps
 
 
-def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True, r_smooth=0.0, folder=None):
+def lognormal_box(
+    n_cells, box_size, rng, *, model=_MODEL, rsd=True, r_smooth=0.0, hi_bias="exponential", folder=None
+):
     """1 + delta_HI on the light cone of an observer at the centre, and the way to redshift space.
 
     1 + delta = exp(b D delta_G - (b D)^2 sigma_G^2 / 2), with bias b and growth D at the redshift of the
-    cell, so it is positive, has mean 1, and correlation exp(b^2 D^2 xi) - 1.
+    cell, so it is positive, has mean 1, and correlation exp(b^2 D^2 xi) - 1. With ``hi_bias="contrast"`` it
+    is 1 + b (exp(D delta_G - D^2 sigma_G^2 / 2) - 1), with b^2 (exp(D^2 xi) - 1), and voids may be negative
+    if b > 1.
 
     Linear displacements are psi = -grad(inverse Laplacian of delta_G), so psi_k = i k delta_k / k^2; the
     radial component is at the cell centres. In redshift space a cell moves by f D psi_r (Kaiser 1987).
@@ -79,6 +84,8 @@ def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True, r_smooth=0.
     r_smooth
         Mpc/h: the modes of the matter, from which delta_G and the velocities follow, are multiplied by
         exp(-k^2 r_smooth^2 / 2), as with the option of that name of CRIME.
+    hi_bias
+        "exponential" or "contrast": what the bias multiplies.
     folder
         A `Path`: the box is in files there while it is used; default: in memory. The result is the same.
 
@@ -97,11 +104,15 @@ def lognormal_box(n_cells, box_size, rng, *, model=_MODEL, rsd=True, r_smooth=0.
     radius = np.linspace(0, np.sqrt(3) * box_size / 2, 4096)
     z = model.cosmology.redshift_at(np.minimum(radius, model.cosmology.comoving_distance(Z_MAX)))
     growth = model.cosmology.growth(z)
-    move, amplitude = growth * model.cosmology.growth_rate(z), model.bias(z) * growth
+    move, bias = growth * model.cosmology.growth_rate(z), model.bias(z)
+    amplitude = growth * bias if hi_bias == "exponential" else growth
 
     def lognormal(i, plane, variance):
         a = at_distances(box.x[i], box.x, radius[1], amplitude)
-        return np.exp(a * (plane - 0.5 * variance * a))
+        density = np.exp(a * (plane - 0.5 * variance * a))
+        if hi_bias == "contrast":
+            density = 1 + at_distances(box.x[i], box.x, radius[1], bias) * (density - 1)
+        return density
 
     box = GaussianBox(power, n_cells, box_size, rng, folder=folder)
     moved = None

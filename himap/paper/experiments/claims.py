@@ -58,13 +58,16 @@ def realisations(
     n_sources_max=20,
     n_realisations=5,
     method="sdecgmca",
+    average="means",
+    polynomial="temperature",
     **settings,
 ):
     """A list of `Realisation`, alike but for the seed: that of the survey, and those after it.
 
-    Parameters are those of the chapter: the reading of the ripple, the `Dimming`, the ends of the scan, and
-    what replaces SDecGMCA. Fewer than 5 skies say little about verdicts that depend on the sky. Settings, and
-    what is refused, are as of `himap.paper.grid.cases_of` and `Realisation`.
+    Parameters are those of the chapter: the reading of the ripple, the `Dimming`, the ends of the scan, what
+    replaces SDecGMCA, the average of C_l over channels, and the variable of the polynomial. Fewer than 5
+    skies say little about verdicts that depend on the sky. Settings, and what is refused, are as of
+    `himap.paper.grid.cases_of` and `Realisation`.
     """
     return [
         Realisation(
@@ -74,6 +77,8 @@ def realisations(
             dimming=Dimming(weight=plane_weight, edge=plane_edge),
             n_sources=tuple(range(n_sources_min, n_sources_max + 1)),
             method=method,
+            average=average,
+            polynomial=polynomial,
         )
         for case in cases_of(Oscillating(ripple=ripple), n_realisations=n_realisations, **settings)
     ]
@@ -175,7 +180,7 @@ EXPERIMENT = Experiment(
     remark=_too_coarse,
     prepare=prepare,
     other_restarts=other_restarts,
-    defaults={"n_realisations": 5, "n_restarts": 2},
+    defaults={"n_realisations": 5, "n_restarts": 2, "n_sources_max": 20},
     stated=("n_realisations", "n_restarts"),
     words=("sentence",),
 )
