@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from himap.core.checks import checked_cube, real_array, whole_number
+from himap.core.checks import checked_cube, parameter, real_array, whole_number
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
@@ -56,7 +56,7 @@ class FrequencyPower:
 
     k: np.ndarray
     power: np.ndarray
-    taper: str = "none"
+    taper: str = parameter("none", "of lines of sight, one of `TAPERS`", off="none")
 
 
 def tapered_modes(lines, taper):

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from himap.core.checks import whole_number
+from himap.core.checks import parameter, whole_number
 from himap.core.errors import InputError
 from himap.core.survey import PRESETS, Survey
 from himap.instrument.beams.base import Beam
@@ -57,8 +57,8 @@ class Realisation:
     method: str = "sdecgmca"
     options: tuple = ()
     restart: int = 0
-    average: str = "means"
-    polynomial: str = "temperature"
+    average: str = parameter("means", "of C_l over channels", off="means")
+    polynomial: str = parameter("temperature", "variable of the polynomial fit", off="temperature")
 
     def __post_init__(self):
         self._case(self.oscillating)  # refuses bad values
