@@ -65,20 +65,18 @@
 # | undecided | any other |
 #
 # The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and
-# restarts, the second of a single run at the paper's size (`nside` 256, 500 channels, an HI box of 2048³
-# cells), and, as all that this page has at that size, in an earlier default reading, `code-rounding`
-# continued beyond $\ell = 200$ with its $\epsilon$ ({doc}`18_paper_size`). One run of a chaotic method is a
-# draw and gets no verdict: that column has whether the conclusion holds in it. A single sky has no scatter
-# over skies; in brackets is then the
-# $1\,\sigma$ interval of its restarts. Causes of verdicts are in {doc}`15_claims`. The pictures at the paper's size have an HI box of 1024³ cells
-# and of SDecGMCA the median and the 16 to 84 % of eight restarts, but for the scan over the number of
-# sources. {doc}`../book/status` states which of the records and figures are stale.
+# restarts, the second of {glue:text}`answer_large_restarts` restarts on one sky at the paper's size (`nside`
+# 256, 500 channels, and an HI box of 1024³ cells; {doc}`18_paper_size` has the paper's 2048³ too), without
+# the scan over the number of sources. A single sky has no scatter over skies; in brackets is then the
+# $1\,\sigma$ interval of its restarts. Causes of verdicts are in {doc}`15_claims`. The pictures are of that
+# size, and have of SDecGMCA the median and the 16 to 84 % of eight restarts, but for the scan.
+# {doc}`../book/status` states which of the records and figures are stale.
 
 # %% tags=["parameters", "remove-input"]
 results: str | None = None  # folder of stored results; None: that of the book
-large: str = "paper_templates"  # the ledger and the figures at the paper's size
+large: str = "paper_templates"  # the figures at the paper's size, and a ledger with the paper's HI box
 several: str = "claims_laptop"  # the ledger over several skies
-restarts: str = "restarts_paper_code_rounding"  # restarts of SDecGMCA at the paper's size
+restarts: str = "restarts_paper_default"  # the ledger over restarts of SDecGMCA at the paper's size
 
 # %% tags=["remove-input"]
 from pathlib import Path
@@ -90,19 +88,17 @@ from himap.app.stored_tables import angular_ratios, ledgers_table, picture, stor
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
-from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.ledger_table import BADGES, CONCLUSIONS, joint_verdict
 from himap.store.provenance import Provenance
 
 folder = Path(results or RESULTS)
-ledgers = [read_ledger(folder / f"{name}.json") for name in (several, f"claims_{large}")]
-by_id = [{entry.claim.id: entry for entry in entries} for entries, _ in ledgers]
-restarted = {entry.claim.id: entry for entry in read_ledger(folder / f"{restarts}.json")[0]}
+*ledgers, with_box = (read_ledger(folder / f"{name}.json") for name in (several, restarts, f"claims_{large}"))
+half, full, boxed = ({entry.claim.id: entry for entry in one} for one, _ in (*ledgers, with_box))
 
 
-def percent(ledger, claim):
+def percent(entries, claim):
     """The number of a claim, median over its members, as a percentage to quote."""
-    value = 100 * by_id[ledger][claim].values[0]
+    value = 100 * entries[claim].values[0]
     return value, 0.02 * value, "%"
 
 
@@ -115,33 +111,27 @@ def share(entries, claim, part):
 quote(
     answer_skies=ledgers[0][0][0].n_skies,
     answer_restarts=ledgers[0][0][0].n_restarts,
-    answer_evolving=percent(0, "E2"),
-    answer_evolving_large=percent(1, "E2"),
-    answer_evolving_pictures=(100 * restarted["E2"].values[0], 0.2, "%"),
-    answer_orders=(by_id[0]["F1"].values[0], 0.01),
-    answer_orders_pictures=(restarted["F1"].values[0], 0.01),
-    answer_orders_large=(by_id[1]["F1"].values[0], 0.01),
-    answer_peak=share(by_id[0], "O4", "SD has the peak"),
-    answer_large_peak=share(restarted, "O4", "SD has the peak"),
-    answer_excess=share(by_id[0], "O5", "SD in excess"),
-    answer_large_excess=share(restarted, "O5", "SD in excess"),
-    answer_masked=share(by_id[0], "M4", "SD improves"),
-    answer_dimmed=share(by_id[0], "G1", "SD improves"),
-    answer_oscillating=percent(0, "O3"),
-    answer_large_restarts=restarted["O3"].n_restarts,
-    answer_large_held=(100 * restarted["O3"].main_shares["mean"].min(), 1, "%"),
+    answer_evolving=percent(half, "E2"),
+    answer_evolving_large=percent(boxed, "E2"),
+    answer_evolving_pictures=(100 * full["E2"].values[0], 0.2, "%"),
+    answer_orders=(half["F1"].values[0], 0.01),
+    answer_orders_pictures=(full["F1"].values[0], 0.01),
+    answer_orders_large=(boxed["F1"].values[0], 0.01),
+    answer_peak=share(half, "O4", "SD has the peak"),
+    answer_large_peak=share(full, "O4", "SD has the peak"),
+    answer_excess=share(half, "O5", "SD in excess"),
+    answer_large_excess=share(full, "O5", "SD in excess"),
+    answer_masked=share(half, "M4", "SD improves"),
+    answer_dimmed=share(half, "G1", "SD improves"),
+    answer_oscillating=percent(half, "O3"),
+    answer_large_restarts=full["O3"].n_restarts,
+    answer_large_held=(100 * full["O3"].main_shares["mean"].min(), 1, "%"),
 )
 
 
-ONE_RUN = {REPRODUCED: "holds", IN_PART: "holds in part", FAILED: "does not hold"}
-
-
 def verdict(claims, entries):
-    """On a conclusion, from its claims: sign and words, and words alone for a run of a chaotic method."""
-    judged = [entries[name] for name in claims.split()]
-    joint = joint_verdict(judged)
-    if any(entry.is_single_run for entry in judged):
-        return f"one run: {ONE_RUN.get(joint, joint)}"
+    """On a conclusion, from its claims: sign and words."""
+    joint = joint_verdict([entries[name] for name in claims.split()])
     return f"{BADGES[joint][0]} {joint}"
 
 
@@ -153,9 +143,9 @@ def claims_of(number):
 
 # %% tags=["remove-input"]
 Table(
-    ["", "conclusion of the paper", "half the paper's size, ensemble", "the paper's size, one run"],
+    ["", "conclusion of the paper", "half the paper's size", "the paper's size"],
     [
-        [f"{n}", says, verdict(claims, by_id[0]), verdict(claims, by_id[1])]
+        [f"{n}", says, verdict(claims, half), verdict(claims, full)]
         for n, (claims, says) in enumerate(CONCLUSIONS.items(), start=1)
     ],
 )
@@ -167,7 +157,7 @@ Table(
 angular = stored_curves(large, "fig-results-angular", folder)
 made = Provenance.of_stored(ledgers[1][1])
 
-# %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios, linear near 1 and logarithmic beyond. Grey band: 10 %. PCA and FastICA coincide; of SDecGMCA the median and 16 to 84 % of eight restarts in an earlier default reading."}}
+# %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios, linear near 1 and logarithmic beyond. Grey band: 10 %. PCA and FastICA coincide; of SDecGMCA the median and 16 to 84 % of eight restarts."}}
 panels = [angular_ratios(curves, title=title) for title, curves in angular.items()]
 panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
@@ -218,14 +208,14 @@ claims_of(3)
 # %% [markdown]
 # **With the paper's numbers of components, SDecGMCA is the most accurate of the six through this beam, where
 # its run does not fail**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median of all
-# members; the paper: 5 %). At the paper's size, on one sky and in the earlier reading, it is within 5 % in
+# members; the paper: 5 %). At the paper's size, on one sky, it is within 5 % in
 # {glue:text}`answer_large_held` of {glue:text}`answer_large_restarts` restarts ({doc}`18_paper_size`). PCA,
 # without knowledge of the beam, needs more components, one more at `quick` and more than one at `laptop`
 # ({doc}`25_side_by_side`): on the synthetic Galaxy of {doc}`10_results` with one more its mean $C/C_0$ at $10
 # < \ell < 128$ is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA
 # {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts).
 # {glue:text}`answer_peak` of the members of SDecGMCA have the paper's peak at $k_\nu = 0.3$, and
-# {glue:text}`answer_excess` its excess at low $k_\nu$; at the paper's size, in the earlier reading,
+# {glue:text}`answer_excess` its excess at low $k_\nu$; at the paper's size
 # {glue:text}`answer_large_peak` and {glue:text}`answer_large_excess` of the restarts. What happens beyond
 # $\ell = 200$ depends on the reading. {doc}`27_restarts` has the probability of failure, {doc}`16_readings`
 # the dependence on the reading.
@@ -236,17 +226,15 @@ claims_of(3)
 claims_of(4)
 
 # %% [markdown]
-# The figure has one restart in the earlier reading for each number of sources. The error has a minimum, as in
-# the paper ({doc}`11_ns_scan`).
+# The figure has one restart for each number of sources ({doc}`11_ns_scan`).
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-ns-scan-mse", folder))
 
 # %% [markdown]
 # **The result is sensitive to the number of sources.** With too few the residual contains foreground; with
-# too many PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scans of
-# the ledgers end at 8, that at the paper's size with one run for each number; in the figure, with one restart,
-# the error is larger beyond 8, as in the paper.
+# too many PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scan of
+# the ledger ends at 8.
 # {doc}`22_how_many` chooses the number without the truth.
 #
 # ## 5. Masks

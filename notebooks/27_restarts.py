@@ -282,17 +282,20 @@ Table(
 # %% tags=["hide-input"]
 RESTARTS = find_experiment("restarts")
 measured = [Record.load(RESTARTS, path) for path in records or sorted(RESULTS.glob("restarts_*.json"))]
-sizes = {}
-for one in measured:
-    sizes.setdefault(f"{one.made.preset}, {NAMES[one.made.galaxy.partition(' ')[0]]}", []).append(one.rows)
-sizes = {size: pd.concat(several) for size, several in sizes.items()}
 READ = ("default", "letter", "code", "code-rounding", "follow-up", "instrument-noise")
 NONE = "no record is stored with this book"
 
 
 def shown(rows):
-    """Which rows are of a reading with a name, or of the only one of a size."""
-    return rows["reading"].isin(READ) | (rows["reading"].nunique() == 1)
+    """The rows of a reading with a name, or of the only one of a record."""
+    return rows[rows["reading"].isin(READ) | (rows["reading"].nunique() == 1)]
+
+
+sizes = {}
+for one in measured:
+    size = f"{one.made.preset}, {NAMES[one.made.galaxy.partition(' ')[0]]}"
+    sizes.setdefault(size, []).append(shown(one.rows))
+sizes = {size: pd.concat(several) for size, several in sizes.items()}
 
 
 def share(row):
@@ -310,7 +313,7 @@ def by_column(rows, index, column):
 
 cases, lines = ("degraded", "evolving", "oscillating", "dimmed"), []
 for size, rows in sizes.items():
-    chosen = rows[shown(rows) & rows["case"].isin(cases)]
+    chosen = rows[rows["case"].isin(cases)]
     lines += [
         [size, one, *(row.get(case, "") for case in cases)]
         for one, row in by_column(chosen, "reading", "case").items()
@@ -324,7 +327,7 @@ Table(head, lines or [[NONE, *[""] * 5]], align="llrrrr")
 # %% tags=["hide-input"]
 counts, lines = (2, 3, 4, 5, 6, 7, 8, 10, 15, 20), []
 for size, rows in sizes.items():
-    chosen = rows[shown(rows) & rows["case"].isin(["oscillating", "scan"])]
+    chosen = rows[rows["case"].isin(["oscillating", "scan"])]
     lines += [
         [size, one, *(row.get(count, "") for count in counts)]
         for one, row in by_column(chosen, "reading", "n_sources").items()

@@ -11,7 +11,7 @@ from PIL import Image
 
 from benchmarks.whole import COMMANDS
 from himap.app.notebooks import find
-from himap.app.stored import RESULTS, extrapolated, other_records, read_ledger, read_stored
+from himap.app.stored import LEDGER, RESULTS, extrapolated, other_records, read_ledger, read_stored
 from himap.app.stored_tables import (
     choices_table,
     endurance_table,
@@ -59,7 +59,7 @@ def markdown(name):
 def shown_at_paper_size():
     """Names of what the chapter shows: the ledgers, the one of a smoothed box, the folders of figures."""
     chosen = {parameter.name: parameter.default for parameter in find("18_paper_size").parameters}
-    ledgers = [chosen["smaller"], f"claims_{chosen['real']}", chosen["ensemble"]]
+    ledgers = [chosen["smaller"], chosen["ensemble"], f"claims_{chosen['real']}"]
     return ledgers, chosen["smoothed"], [chosen["real"], chosen["synthetic"]]
 
 
@@ -73,6 +73,13 @@ def test_the_chapters_show_what_is_stored_today():
     )
     for expected in (verdicts_table(ledgers), sides, smoothed, pictures(folders)):
         assert expected in shown
+    experiment = find_experiment("claims")
+    ledger, *others = (
+        Record.load(experiment, path)
+        for path in (LEDGER, *sorted(RESULTS.glob("claims_laptop_*.json")))
+        if path.stem != "claims_laptop_beam_subspace"
+    )
+    assert others and choices_table(ledger, others) in markdown("15_claims")
     shown = markdown("19_scale")
     assert all(steps_table(read_stored(name)) in shown for name in ("steps_paper", "steps_laptop"))
 
@@ -167,7 +174,7 @@ def test_all_that_is_stored_is_shown():
     others = {path.stem for path in RESULTS.glob("claims_laptop_*.json")}  # chapter 15 shows these
     choices = "ratios", "middle", "hann", "logarithm", "contrast"
     assert others <= {f"claims_laptop_{place}" for place in ("letter", "code", "beam_subspace", *choices)}
-    ledgers = [*RESULTS.glob("claims_*.json"), *RESULTS.glob("restarts_paper_*.json")]
+    ledgers = [*RESULTS.glob("claims_*.json"), RESULTS / "restarts_paper_default.json"]
     names, with_smoothing, folders = shown_at_paper_size()
     assert {*names, with_smoothing} | others == {path.stem for path in ledgers}
     assert set(folders) == {path.parent.name for path in RESULTS.glob("*/figures.json")}

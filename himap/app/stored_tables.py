@@ -156,12 +156,16 @@ def choices_table(ledger, others):
     ----------
     ledger, others
         The `Record` of the claims, and a list of such that differ from it in `stored.CHOICES`. Each is
-        compared with the ledger on the skies that both have.
+        compared with the ledger on the skies and restarts that both have.
     """
     rows, usual = [], record_words(ledger.made)
     for other in others:
-        seeds = {*ledger.rows["seed"]} & {*other.rows["seed"]}
-        both = [entries_of(record.rows[record.rows["seed"].isin(seeds)]) for record in (ledger, other)]
+        members = [record.rows.set_index(["seed", "restart"]).index for record in (ledger, other)]
+        shared = members[0].intersection(members[1])
+        both = [
+            entries_of(record.rows[of_record.isin(shared)])
+            for record, of_record in zip((ledger, other), members, strict=True)
+        ]
         changed = {True: [], False: []}  # by whether the claim is about SDecGMCA
         for before, after in zip(*both, strict=True):
             if before.verdict != after.verdict:
