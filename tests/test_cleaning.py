@@ -54,6 +54,15 @@ class TestData:
         with pytest.raises(TypeError):
             _ = data.with_mock(mock).modes
 
+    @pytest.mark.parametrize("mask", [None, KEPT], ids=["sphere", "mask"])
+    def test_projections_make_no_copy_of_the_maps(self, maps, mask, rng):
+        """Of the maps less their means; of those that a mask keeps, continued to the sphere, as they are."""
+        data, rows = Data.of(maps + 7, freqs=FREQS, mask=mask), rng.standard_normal((3, len(FREQS)))
+        found = data.project(rows)
+        assert "centred" not in data.known and found == pytest.approx(rows @ data.centred, abs=1e-4)
+        full = data.on_sphere()
+        assert full.project(rows) == pytest.approx(rows @ full.centred.astype(float), abs=1e-12)
+
     def test_a_mask_and_weights_of_nothing_are_the_same(self, maps):
         masked = Data.of(maps, freqs=FREQS, mask=KEPT)
         weighted = Data.of(np.where(KEPT, maps, np.nan), freqs=FREQS, weights=3.0 * KEPT)

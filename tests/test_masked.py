@@ -1,12 +1,14 @@
 """A mask inside of the separation: exact well inside, blind outside, and clear where it cannot be."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from sparse_problem import BEAMS, NSIDE, largest_angle, noisy
 
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.maps.low_rank import centred
+from himap.maps.low_rank import centred, projection
 from himap.removal import harmonic
 from himap.removal.analysis import cube_modes, inpainted_maps
 from himap.removal.beam_subspace import BeamSubspace, inner_weights
@@ -56,7 +58,8 @@ class TestExactness:
         dense = design @ np.linalg.lstsq(design, low.ravel(), rcond=1e-8)[0]
         modes = cube_modes(low, CUT)
         best = BEAMS / BEAMS.max(axis=0)
-        found = through_beams(inpainted_maps(low.astype(np.float32), CUT, modes), mixing, best, modes).cube()
+        project = partial(projection, maps=inpainted_maps(low.astype(np.float32), CUT, modes))
+        found = through_beams(project, mixing, best, modes).cube()
         apart = (found[:, CUT] - dense.reshape(low.shape))[:, inside]
         assert apart.std() < 5e-3 * low[:, inside].std()
 

@@ -3,6 +3,8 @@
 C/C0 near 1 is no proof that HI is kept: signal loss and foreground residual may cancel.
 """
 
+from functools import partial
+
 import numpy as np
 
 from himap.maps.low_rank import LowRankCube, projection
@@ -37,17 +39,17 @@ def split_error(case, remover, mask_peaks=True):
     """
     found = cleaned.separation(case, remover, mask_peaks)
     signal = case, mask_peaks, found.lmax
-    known = pipeline.signal(*signal)
+    project = partial(projection, maps=pipeline.signal(*signal))
     if isinstance(found, FilteredSeparation):
         filter_, modes = found.filter, pipeline.signal_analysed(*signal)
-        hi_lost = filtered(filter_.spectra, filter_.estimators, known, modes)
+        hi_lost = filtered(filter_.spectra, filter_.estimators, project, modes)
     elif "beams" in remover.uses:
         beams = pipeline.observation(case).beams
         modes = pipeline.signal_analysed(*signal)
-        hi_lost = through_beams(known, found.mixing, beams / beams.max(axis=0), modes)
+        hi_lost = through_beams(project, found.mixing, beams / beams.max(axis=0), modes)
     else:
         basis = np.linalg.qr(found.mixing)[0]
-        hi_lost = LowRankCube(spectra=basis, maps=projection(basis.T, known))
+        hi_lost = LowRankCube(spectra=basis, maps=project(basis.T))
     return cleaned.error(case, remover, mask_peaks) + hi_lost, hi_lost
 
 

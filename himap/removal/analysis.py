@@ -34,6 +34,11 @@ class CubeModes:
     bright: np.ndarray
     rest: np.ndarray
 
+    @property
+    def lmax(self):
+        """Largest multipole, 3 nside - 1."""
+        return math.isqrt(self.rest.shape[1]) - 1
+
     def upto(self, lmax, channels=slice(None)):
         """The modes of all channels, or some, to `lmax`, (n_channels, (lmax + 1)^2) float64."""
         return self._modes(slice((lmax + 1) ** 2), channels)
@@ -49,7 +54,7 @@ class CubeModes:
 
     def low_cube(self, lmax, channels=slice(None)):
         """The maps of all channels, or some, up to `lmax`, (n_channels, n_pix) float32."""
-        nside, modes = math.isqrt(self.rest.shape[1]) // 3, self.upto(lmax, channels)
+        nside, modes = (self.lmax + 1) // 3, self.upto(lmax, channels)
         alms = (harmonic.from_modes(channel) for channel in modes)
         return sphere.synthesise_cube(alms, nside, n_channels=len(modes), label=f"maps to l = {lmax}")
 

@@ -86,8 +86,7 @@ class BeamSubspace(ForegroundRemover):
             )
 
     def _separate(self, data):
-        maps, beams, modes, kept = data.centred, data.beams, data.modes, data.inside
-        nside = sphere.nside_of(maps)
+        beams, modes, kept, nside = data.beams, data.modes, data.inside, sphere.nside_of(data.maps)
         lmax = min(self.lmax, 2 * nside, beams.shape[1] - 1)
         best = beams.max(axis=0)
         mixture = BlurredMixture(modes.upto(lmax), beams[:, : lmax + 1] / best[: lmax + 1])
@@ -97,7 +96,7 @@ class BeamSubspace(ForegroundRemover):
             noise = np.mean(residual[:, ((lmax + 1) // 2) ** 2 :] ** 2, axis=1)
             noise = noise if kept is None else noise / np.mean(kept)
         else:
-            noise = noise_per_mode(self.noise, *maps.shape)
+            noise = noise_per_mode(self.noise, *data.maps.shape)
         mixture = replace(mixture, noise=noise)
         weights = None
         if kept is not None:
@@ -105,7 +104,7 @@ class BeamSubspace(ForegroundRemover):
         mixing, converged, n_iterations = self._settled(mixture, mixing, weights)
         mixing, sources = ordered(mixing, mixture.sources(mixture.least_squares(mixing)))
         return Separation(
-            low_rank=through_beams(maps, mixing, beams / best, modes),
+            low_rank=through_beams(data.project, mixing, beams / best, modes),
             mixing=mixing,
             sources=harmonic.synthesise(sources, nside),
             converged=converged,

@@ -12,7 +12,7 @@ import numpy as np
 
 from himap.core.checks import checked_beams, checked_cube, checked_freqs, checked_noise, real_array
 from himap.core.errors import InputError
-from himap.maps.low_rank import as_float32, centred
+from himap.maps.low_rank import as_float32, centred, projection
 from himap.removal.covariance import channel_covariance
 
 
@@ -145,6 +145,12 @@ class Data:
     def centred(self):
         """The maps less their means: float32, or float64 where that would round HI away."""
         return self.get_or_compute("centred", lambda: centred(self.maps, self.means))
+
+    def project(self, rows):
+        """``rows @ centred``, (n_rows, n_channels) times (n_channels, n_pix), float64, without a copy."""
+        if isinstance(self.known.get("centred"), np.ndarray):
+            return projection(rows, self.centred)
+        return projection(rows, self.maps) - (rows @ self.means)[:, None]
 
     @property
     def total(self):

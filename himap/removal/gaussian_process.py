@@ -7,7 +7,6 @@ import numpy as np
 from scipy import linalg, optimize
 
 from himap.core.errors import InputError
-from himap.maps.low_rank import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered
 
@@ -61,7 +60,7 @@ class GaussianProcess(ForegroundRemover):
         runs = [self._maximised(data.freqs, data.covariance / variance, mix) for mix in _STARTS]
         best = min(runs, key=lambda run: run.fun)
         spectra, rows = smoother(best.x, data.freqs)
-        mixing, sources = ordered(spectra, projection(rows, data.centred))
+        mixing, sources = ordered(spectra, data.project(rows))
         # A search that finds nothing better within rounding has arrived too, though scipy calls it abnormal.
         return Separation(
             mixing=mixing, sources=sources, converged=best.status != _OUT_OF_STEPS, n_iterations=best.nit

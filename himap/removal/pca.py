@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from himap.maps.low_rank import projection
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.covariance import principal_axes
 from himap.removal.weighted_pca import weighted_components
@@ -37,4 +36,4 @@ class PCA(ForegroundRemover):
 def principal_components(data, n_sources):
     """The `Separation` of PCA: `n_sources` principal components of `Data` without weights."""
     mixing = principal_axes(data.covariance, n_sources)
-    return Separation(mixing=mixing, sources=projection(mixing.T, data.centred))
+    return Separation(mixing=mixing, sources=data.project(mixing.T))

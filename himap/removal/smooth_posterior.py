@@ -107,7 +107,7 @@ class SmoothForeground:
             faint=self.faint,
             first=np.array(edges)[:, 0],
         )
-        mean = filtered(linear.spectra, linear.estimators, data.centred, data.modes)
+        mean = filtered(linear.spectra, linear.estimators, data.project, data.modes)
         return FilteredSeparation(
             mixing=mean.spectra, sources=mean.maps, low_rank=mean, filter=linear, means=data.means
         )

@@ -103,7 +103,7 @@ class SmoothSpectra(ForegroundRemover):
         axes = np.linalg.eigh(amplitudes @ amplitudes.T)[1][:, ::-1][:, : self.n_sources]
         mixing, sources = ordered(smooth_basis(freqs, self.n_smooth) @ axes, axes.T @ amplitudes)
         return FilteredSeparation(
-            low_rank=filtered(linear.spectra, linear.estimators, maps, modes),
+            low_rank=filtered(linear.spectra, linear.estimators, data.project, modes),
             mixing=mixing,
             sources=harmonic.synthesise(sources, sphere.nside_of(maps)),
             converged=all(converged),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.maps import sphere
-from himap.maps.low_rank import HarmonicModes, LowRankCube, projection
+from himap.maps.low_rank import HarmonicModes, LowRankCube
 from himap.removal import harmonic
 from himap.removal.covariance import common_axes
 
@@ -36,35 +36,35 @@ class SpectralFilter:
         return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
 
 
-def filtered(spectra, estimators, maps, modes):
+def filtered(spectra, estimators, project, modes):
     """W_l G_l X_l of maps at every l, a `LowRankCube`; beyond the last l they are filtered as there.
 
-    Of W_l, (n_l, n_channels, n), and G_l, (n_l, n, n_channels), and maps, (n_channels, n_pix) float32, mK,
-    RING, with their `CubeModes`. All W_l lie in a space of a few dozen spectra, so few maps are transformed
-    back.
+    Of W_l, (n_l, n_channels, n), and G_l, (n_l, n, n_channels), and maps, (n_channels, n_pix), mK, RING, less
+    their channel means: ``project(rows)`` is ``rows @ maps``, as of `Data.project`, and `modes` are their
+    `CubeModes`. All W_l lie in a space of a few dozen spectra, so few maps are transformed back.
     """
     axes = common_axes(spectra)
     within = axes.T @ spectra
-    foreground = within[-1] @ projection(estimators[-1], maps)
+    foreground = within[-1] @ project(estimators[-1])
     more = np.empty((axes.shape[1], len(spectra) ** 2))
     for degree, out in enumerate(harmonic.blocks(more)):
         data = modes.at(degree)
         out[:] = within[degree] @ (estimators[degree] @ data) - within[-1] @ (estimators[-1] @ data)
-    foreground += harmonic.synthesise(more, sphere.nside_of(maps))
+    foreground += harmonic.synthesise(more, sphere.nside_of(foreground))
     return LowRankCube(spectra=axes, maps=foreground)
 
 
-def through_beams(maps, space, beams, modes):
-    """The part of `maps` in the spectra `space`, seen through `beams`, a `LowRankCube`.
+def through_beams(project, space, beams, modes):
+    """The part of maps in the spectra `space`, seen through `beams`, a `LowRankCube`.
 
     At every l the foreground is W_l W_l^+ X_l with W_l = diag(beams_l) space: least squares without
     regularisation. Of `space` (n_channels, n_sources) only the span of its columns matters, of `beams`, b_l
-    (n_channels, lmax + 1), no common factor of all channels; `maps` and `modes` are as in `filtered`.
+    (n_channels, lmax + 1), no common factor of all channels; `project` and `modes` are as in `filtered`.
     """
-    n_degrees = min(3 * sphere.nside_of(maps), beams.shape[1])
+    n_degrees = min(modes.lmax + 1, beams.shape[1])
     space, _ = np.linalg.qr(space)
     bases = np.linalg.qr(beams.T[:n_degrees, :, None] * space)[0]
-    return filtered(bases, np.swapaxes(bases, 1, 2), maps, modes)
+    return filtered(bases, np.swapaxes(bases, 1, 2), project, modes)
 
 
 def seen_through(sources, mixing, beams):

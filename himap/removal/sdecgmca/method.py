@@ -202,7 +202,7 @@ class SDecGMCA(ForegroundRemover):
         if self.beyond != "projection":
             low_rank = on_sky(seen_through(sources, fit.mixing, mixture.beams), nside)
         else:  # all l by projection, and up to lmax what the last S is more than that
-            low_rank = through_beams(data.centred, fit.mixing, data.beams, data.modes)
+            low_rank = through_beams(data.project, fit.mixing, data.beams, data.modes)
             if self.last != "unregularised":
                 more = sources - mixture.sources(mixture.least_squares(fit.mixing))
                 low_rank += on_sky(seen_through(more, fit.mixing, mixture.beams), nside)
