@@ -68,12 +68,18 @@ def _needed_floats(maps, means):
     )
 
 
-def projection(rows, maps):
-    """rows @ maps, (n_rows, n_channels) times (n_channels, n_pix), float64."""
+def projection(rows, maps, means=None):
+    """rows @ maps, (n_rows, n_channels) times (n_channels, n_pix), float64.
+
+    With `means` (n_channels,) of float32 maps less these, rounded as `centred` does.
+    """
     out = np.empty((len(rows), maps.shape[1]))
 
     def project(block):
-        out[:, block] = rows @ maps[:, block].astype(np.float64)
+        lines = maps[:, block]
+        if means is not None:
+            lines = (lines - means[:, None]).astype(np.float32)
+        out[:, block] = rows @ lines.astype(np.float64)
 
     in_threads(project, maps.shape[1], "projection")
     return out

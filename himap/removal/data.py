@@ -148,9 +148,9 @@ class Data:
 
     def project(self, rows):
         """``rows @ centred``, (n_rows, n_channels) times (n_channels, n_pix), float64, without a copy."""
-        if isinstance(self.known.get("centred"), np.ndarray):
+        if self.maps.dtype != np.float32 or isinstance(self.known.get("centred"), np.ndarray):
             return projection(rows, self.centred)
-        return projection(rows, self.maps) - (rows @ self.means)[:, None]
+        return projection(rows, self.maps, self.means)
 
     @property
     def total(self):
