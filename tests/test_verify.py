@@ -213,6 +213,20 @@ def test_what_was_accepted_is_followed_all_the_way_and_back(lab):
     assert len(known) == 2 and len(set(known.values())) == 1  # `power`, twice
 
 
+def test_a_number_that_others_have_too_is_not_accepted_for_those(lab):
+    """A seven in one place gives the numbers of a three; a seven in another place does not."""
+    power, above = ("** 2", "** 2 + 0 * STEPS"), ("base(n) + 1", "base(n) + OFFSET")
+    constants = "import product\n\nSTEPS = 3\nOFFSET = 7\n"
+    before = lab(power, above, ("import product\n", constants))
+    after = lab(power, above, ("import product\n", constants.replace("3", "7")))
+    last = lab(power, above, ("import product\n", constants.replace("7", "3").replace("3", "7", 1)))
+    said_by(before)
+    assert said_by(after)[0] == [] and moved(fingerprint(before), fingerprint(after)) == []
+    assert said_by(after) == ([], ["no product, method or beam changed"])
+    assert moved(fingerprint(after), fingerprint(last)) == ["above"]
+    assert said_by(last)[0] == ["above"]
+
+
 def test_other_numbers_are_refused_until_they_are_stored(lab):
     before, after = lab(), lab(OTHER)
     said_by(before)

@@ -104,6 +104,7 @@ class CodeTree:
         self.texts = texts or {}
         self._accepted = accepted_digests() if accepted is None else accepted
         self._former, self.accepts, self._digests = former or {}, {}, {}
+        self._formers = frozenset(self._former.values())
         self._files = {}  # {module: its file}
         for name, path in {"himap": ROOT, **roots}.items():
             root = Path(path)
@@ -204,9 +205,13 @@ class CodeTree:
             for unit in circle:
                 if self._unit(unit).text:  # else it is another name, or nothing
                     own = self._digests[unit]
-                    digest = self._accepted.get(own, own)
-                    self._digests[unit] = former = self._former.get(self._at(unit), digest)
-                    self.accepts |= {own: former} if former != digest else {}
+                    former = self._accepted.get(own, own)
+                    # What another definition was, such as one number among several, is not what this was:
+                    # it counts as itself, and those that name it count as what they were.
+                    if own not in self._formers:
+                        former = self._former.get(self._at(unit), former)
+                    self._digests[unit] = former
+                    self.accepts |= {own: former} if former != self._accepted.get(own, own) else {}
 
     def _named_by(self, unit):
         """The units by whose digests this one counts: of its kind, and without a fixed name."""
