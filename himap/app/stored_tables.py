@@ -155,8 +155,8 @@ def choices_table(ledger, others):
     Parameters
     ----------
     ledger, others
-        The `Record` of the claims, and a list of such that differ from it in `stored.CHOICES`. Each is
-        compared with the ledger on the skies and restarts that both have.
+        The `Record` of the claims, and a list of such that differ from it in `stored.CHOICES`, or not: then
+        in the run of SDecGMCA. Each is compared with it on the skies and restarts that both have.
     """
     rows, usual = [], record_words(ledger.made)
     for other in others:
@@ -166,15 +166,24 @@ def choices_table(ledger, others):
             entries_of(record.rows[of_record.isin(shared)])
             for record, of_record in zip((ledger, other), members, strict=True)
         ]
-        changed = {True: [], False: []}  # by whether the claim is about SDecGMCA
-        for before, after in zip(*both, strict=True):
-            if before.verdict != after.verdict:
-                signs = f"{BADGES[before.verdict][0]} → {BADGES[after.verdict][0]}"
-                changed[after.about_sd].append(f"{after.claim.id} {signs}".replace(" ", _NO_BREAK))
+        changes = [
+            _change(*pair) for pair in zip(*both, strict=True) if len({one.verdict for one in pair}) > 1
+        ]
         words = [word for name, word in record_words(other.made).items() if word != usual[name]]
-        several = [", ".join(changed[about_sd]) or "none" for about_sd in (False, True)]
-        rows.append([", ".join(words), members_text(both[1][0]), *several])
-    return _markdown(["Choice", "Members", "Changes, other claims", "Changes, claims on SDecGMCA"], rows)
+        choice = ", ".join(words) or "none: another run of SDecGMCA"
+        rows.append([choice, members_text(both[1][0]), ", ".join(changes) or "none"])
+    return _markdown(["Choice", "Members", "Verdicts that change (methods whose parts do)"], rows)
+
+
+def _change(before, after):
+    """From which verdict to which a claim changes, and the methods whose main parts do, of two `Entry`."""
+    shares = [entry.main_shares["mean"] for entry in (before, after)]
+    parts = shares[0].compare(shares[1]).index if shares[0].index.equals(shares[1].index) else ()
+    methods = dict.fromkeys(filter(None, after.main_shares["method"].reindex(parts)))
+    signs = f"{after.claim.id} {BADGES[before.verdict][0]} → {BADGES[after.verdict][0]}".replace(
+        " ", _NO_BREAK
+    )
+    return f"{signs} ({', '.join(methods)})" if methods else signs
 
 
 def _ledger_names(ledgers):
