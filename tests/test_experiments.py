@@ -65,6 +65,12 @@ USUAL = {
         ("claims", {"reading": "backwards"}, "got 'backwards'"),
         ("claims", {"method": "pca"}, "in the place of SDecGMCA can stand"),
         ("restarts", {"reading": "words"}, "reading must be one of"),
+        ("claims", {"average": "median"}, "average must be one of means, ratios, middle, got 'median'"),
+        ("claims", {"polynomial": "log"}, "variable must be temperature or logarithm, got 'log'"),
+        *(
+            (name, {"survey": {"taper": "hann"}}, "no taper, got taper='hann'")
+            for name in ("transfer", "methods", "n_sources", "beam_errors")
+        ),
         ("transfer", {"beam": "square"}, "square"),
         ("transfer", {"n_mocks": 1}, "between 2 and 1000"),
         ("beam_errors", {"errors": {"width": [0.1], "colour": [1]}}, "got 'colour'"),

@@ -138,6 +138,14 @@ class Survey:
         instrument = ("dish_diameter", "n_dishes", "t_obs", "t_instr", "f_sky", "noise_reading", "taper")
         return replace(self, **{name: getattr(Survey, name) for name in instrument})
 
+    def check_untapered(self):
+        """InputError if there is a `taper`, for measures that have none: of mocks and of images."""
+        if self.taper != "none":
+            raise InputError(
+                f"spectra of mocks and of images have no taper, got taper={self.taper!r}; leave it out, or "
+                "measure the claims, which have it."
+            )
+
     def rng(self, component):
         """The random stream of one named component.
 

@@ -34,7 +34,7 @@ class Sky:
     Raises
     ------
     InputError
-        No method.
+        No method, or a survey with a taper.
     """
 
     methods: dict
@@ -45,6 +45,7 @@ class Sky:
     def __post_init__(self):
         if not all(self.methods.values()):
             raise InputError("there must be methods, one or more, got none.")
+        self.survey.check_untapered()
 
     @property
     def survey(self):

@@ -99,7 +99,11 @@ def _inside(offset, width):
 
 
 def patch_sky(case):
-    """Foreground and HI of a `Case` through its beam, mK, each (n_channels, n_pix) float32, whole sky."""
+    """Foreground and HI of a `Case` through its beam, mK, each (n_channels, n_pix) float32, whole sky.
+
+    InputError for a survey with a taper, which the measures of an image do not have.
+    """
+    case.survey.check_untapered()
     foreground = on_sky(pipeline.foreground_seen(case), case.survey.nside).cube()
     return foreground, pipeline.hi_seen(case)
 

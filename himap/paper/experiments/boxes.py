@@ -62,7 +62,7 @@ def numbers_of(case):
         return {"quantity": quantity, "band": band, "channels": channels, "value": float(value)}
 
     def along(quantity, maps):
-        power = frequency_power(maps, survey.channel_width)
+        power = frequency_power(maps, survey.channel_width, taper=survey.taper)
         inside = {band: (power.k > low) & (power.k < high) for band, (low, high) in _K_BANDS.items()}
         return [row(quantity, power.power[k].mean(), band=band) for band, k in inside.items() if k.any()]
 
