@@ -199,8 +199,9 @@ Markdown(choices_table(run, [Record.load(EXPERIMENT, LEDGER), *changed]))
 # Another run of SDecGMCA alone changes the verdict on several claims about it. Of the choices, the average
 # over channels changes most: in the middle channel PCA and FastICA meet E2, which they do not in the mean of
 # all channels, and SDecGMCA is not within the 5 % of O3; the mean of the ratios gives channels whose beam
-# leaves little HI at high $\ell$ as much weight as the others. The variable of the polynomial changes no
-# verdict, and the bias of HI none on other methods than SDecGMCA.
+# leaves little HI at high $\ell$ as much weight as the others. With Hann's taper, which mixes neighbouring
+# $k_\nu$, no method loses power at low $k_\nu$ (D3). The variable of the polynomial changes no verdict, and
+# the bias of HI none on other methods than SDecGMCA.
 #
 # The $\sigma$ of the clipping is varied in O8 and {doc}`03_peak_masking`, the size of the HI box and the
 # smoothing of HI in {doc}`18_paper_size`, the ripple by `ripple`.
