@@ -200,8 +200,8 @@ Markdown(choices_table(run, [Record.load(EXPERIMENT, LEDGER), *changed]))
 # over channels changes most: in the middle channel PCA and FastICA meet E2, which they do not in the mean of
 # all channels, and SDecGMCA is not within the 5 % of O3; the mean of the ratios gives channels whose beam
 # leaves little HI at high $\ell$ as much weight as the others. With Hann's taper, which mixes neighbouring
-# $k_\nu$, no method loses power at low $k_\nu$ (D3). The variable of the polynomial changes no verdict, and
-# the bias of HI none on other methods than SDecGMCA.
+# $k_\nu$, D3, the loss at low $k_\nu$, holds for no method. The variable of the polynomial changes no
+# verdict, and the bias of HI none on other methods than SDecGMCA.
 #
 # The $\sigma$ of the clipping is varied in O8 and {doc}`03_peak_masking`, the size of the HI box and the
 # smoothing of HI in {doc}`18_paper_size`, the ripple by `ripple`.
