@@ -195,7 +195,7 @@ claims_of(2)
 # multipoles: 95 % of the multipoles of the worst of these three (median of the members) are within
 # {glue:text}`answer_evolving` of the truth at `laptop`, within {glue:text}`answer_evolving_pictures` at the
 # paper's size with the box of the pictures and within {glue:text}`answer_evolving_large` with the paper's
-# box. The finer the box, the brighter HI: the decimal logarithm of the rms of the foregrounds over that of HI
+# box (one run, in an earlier reading of SDecGMCA). The finer the box, the brighter HI: the decimal logarithm of the rms of the foregrounds over that of HI
 # is {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. A
 # fifth component removes these modes ({doc}`22_how_many`). GMCA has a larger excess than PCA, at lower
 # multipoles than in the paper.

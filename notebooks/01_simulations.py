@@ -198,7 +198,7 @@ spectra, flagged, brightest = {}, {}, {}
 for r_smooth, colour in ((0.0, "black"), (2.0, styles.BLUE)):
     close = replace(near, r_smooth=r_smooth)
     alms = pipeline.hi_alms_of_sky(close.sky)
-    along = frequency_power(pipeline.hi_of_sky(close.sky), close.channel_width)
+    along = frequency_power(pipeline.hi_of_sky(close.sky), close.channel_width, taper=sky.taper)
     spectra[r_smooth] = sphere.power_spectrum(alms).mean(axis=0)[: 2 * sky.nside], along
     seen = pipeline.hi_seen(pipeline.Case(survey=close, beam=Degraded()))
     flagged[r_smooth] = smooth_baselines(seen, close.freqs).flagged.mean()

@@ -82,6 +82,7 @@ study = Study(
 
 # %% tags=["hide-input"]
 observation = study.observed(selected)
+study.survey.check_untapered()
 nside = study.survey.nside
 rng = np.random.default_rng(1)
 order = rng.permutation(len(observation.freqs))

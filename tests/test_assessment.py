@@ -95,6 +95,20 @@ class TestAgainstTheCube:
             assert found.cut_truth.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
 
 
+def test_a_taper_is_that_of_every_spectrum_along_the_line_of_sight():
+    case, method = case_of(Degraded(), replace(SURVEY, taper="hann")), PCA(n_sources=3)
+    left, truth, width = cleaned.residual(case, method), pipeline.truth(case), SURVEY.channel_width
+    found = cleaned.assessment(case, method)
+    mask = ~diagnostics.flagged_lines(found.line_errors)
+    spectra = zip((left, truth), cleaned.post_masked(case, method), strict=True)
+    whole = found.power_spectra, pipeline.true_spectra(case)
+    for (maps, masked), power in zip(spectra, whole, strict=True):
+        for one, kept in ((power, None), (masked, mask)):
+            expected = frequency_power(maps, width, mask=kept, taper="hann").power[1:]
+            assert one.frequency.power[1:] == pytest.approx(expected, rel=5e-3)
+            assert not np.allclose(expected, frequency_power(maps, width, mask=kept).power[1:], rtol=0.02)
+
+
 @pytest.mark.parametrize("mask_peaks", [True, False])
 def test_a_method_that_ends_with_and_without_peak_masking(mask_peaks):
     """On the sky as bright as it is, to the rounding of its maps."""

@@ -171,7 +171,8 @@ def test_all_that_is_stored_is_shown():
     others = {path.stem for path in RESULTS.glob("claims_laptop_*.json")}  # chapter 15 shows these
     choices = "run", "ratios", "middle", "hann", "logarithm", "contrast"
     assert others <= {f"claims_laptop_{place}" for place in ("letter", "code", "beam_subspace", *choices)}
-    ledgers = [*RESULTS.glob("claims_*.json"), RESULTS / "restarts_paper_default.json"]
+    ledgers = [*RESULTS.glob("claims_*.json"), *RESULTS.glob("restarts_paper_*.json")]
+    others |= {"restarts_paper_code_rounding"}  # chapter 27 has its failures
     names, with_smoothing, folders = shown_at_paper_size()
     assert {*names, with_smoothing} | others == {path.stem for path in ledgers}
     assert set(folders) == {path.parent.name for path in RESULTS.glob("*/figures.json")}

@@ -139,11 +139,11 @@ class Survey:
         return replace(self, **{name: getattr(Survey, name) for name in instrument})
 
     def check_untapered(self):
-        """InputError if there is a `taper`, for measures that have none: of mocks and of images."""
+        """InputError if there is a `taper`, for measures that have none: of mocks, cubes and images."""
         if self.taper != "none":
             raise InputError(
-                f"spectra of mocks and of images have no taper, got taper={self.taper!r}; leave it out, or "
-                "measure the claims, which have it."
+                f"spectra of mocks, cubes and images have no taper, got taper={self.taper!r}; leave it out, "
+                "or measure the claims, which have it."
             )
 
     def rng(self, component):

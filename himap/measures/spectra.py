@@ -46,7 +46,7 @@ class AngularPower:
         return AngularPower(degrees=self.degrees[inside], cl=self.cl[:, inside])
 
 
-TAPERS = {"none": np.ones_like, "hann": lambda x: 1 + np.cos(2 * np.pi * x)}
+TAPERS = {"none": None, "hann": lambda x: 1 + np.cos(2 * np.pi * x)}
 """{taper of a line of sight before its Fourier transform: function of the place in the band, -1/2 to 1/2}."""
 
 
@@ -64,7 +64,7 @@ def tapered_modes(lines, taper):
 
     The mean square of the taper, one of `TAPERS`, is made 1, so that white noise keeps its power.
     """
-    if taper != "none":
+    if TAPERS[taper] is not None:
         n_channels = len(lines)
         window = TAPERS[taper]((np.arange(n_channels) + 0.5) / n_channels - 0.5)
         window /= np.sqrt(np.mean(window**2))

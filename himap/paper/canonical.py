@@ -48,6 +48,7 @@ from himap.removal import (
     FastICA,
     GaussianProcess,
     Parametric,
+    Polynomial,
     SDecGMCA,
     SmoothSpectra,
 )
@@ -59,6 +60,7 @@ FINE = Survey(nside=64, n_channels=12, box_cells=16)
 CASE = pipeline.Case(survey=SURVEY, galaxy=Galaxy(source="synthetic"), beam=Oscillating())
 SMOOTHED = replace(CASE, beam=Degraded())
 FINE_CASE = replace(CASE, survey=FINE)
+TAPERED = replace(CASE, survey=replace(SURVEY, taper="hann"))
 RIPPLE_CASE = replace(CASE, survey=replace(SURVEY, n_channels=64))  # its k hold the ripple
 REGION = masked.Region(latitude=20.0)
 PLAIN = PCA(n_sources=3)
@@ -73,7 +75,7 @@ REALISATION = Realisation(
 JUDGED = claims.JudgedSky({"default": [REALISATION, replace(REALISATION, restart=1)]})
 
 _PRODUCTS = {
-    pipeline.hi_of_sky: [(SURVEY.sky,)],
+    pipeline.hi_of_sky: [(SURVEY.sky,), (replace(SURVEY.sky, hi_bias="contrast"),)],
     pipeline.hi_alms_of_sky: [(SURVEY.sky,)],
     pipeline.noise_alms: [(SURVEY,)],
     pipeline.components_of_sky: [(SURVEY.sky, CASE.galaxy), (FINE.sky, CASE.galaxy)],
@@ -88,10 +90,10 @@ _PRODUCTS = {
     pipeline.signal_analysed: [(CASE,)],
     pipeline.foreground_seen: [(CASE,)],
     pipeline.foreground_analysed: [(CASE,)],
-    pipeline.true_spectra: [(CASE,), (SMOOTHED,)],
+    pipeline.true_spectra: [(CASE,), (SMOOTHED,), (TAPERED,)],
     cleaned.fit: [(CASE, SDecGMCA(**ONCE).iteration)],
     cleaned.separation: [(CASE, PLAIN), (CASE, PLAIN, False), (CASE, AWARE)],
-    cleaned.assessment: [(CASE, PLAIN), (CASE, AWARE)],
+    cleaned.assessment: [(CASE, PLAIN), (CASE, AWARE), (TAPERED, Polynomial(variable="logarithm"))],
     cleaned.post_masked: [(CASE, PLAIN)],
     evidence.sky_brightness: [(SURVEY.sky, CASE.galaxy)],
     evidence.masked_voxels: [(CASE,)],

@@ -34,7 +34,7 @@ class Sky:
     Raises
     ------
     InputError
-        No method, or a survey with a taper.
+        No method.
     """
 
     methods: dict
@@ -45,7 +45,6 @@ class Sky:
     def __post_init__(self):
         if not all(self.methods.values()):
             raise InputError("there must be methods, one or more, got none.")
-        self.survey.check_untapered()
 
     @property
     def survey(self):
@@ -88,10 +87,12 @@ def cases_and_methods(
     """Cases that differ in their seed only, and the methods that clean them, two lists.
 
     `ripple` is the reading of the oscillating beam, and `reading` that of SDecGMCA. Methods are pairs (name,
-    number of sources), None for one that has no number. Settings, and what is refused, are as of `cases_of`.
+    number of sources), None for one that has no number. Settings, and what is refused, are as of `cases_of`;
+    so is a survey with a taper.
     """
     selected = paper_beams(ripple=ripple).get(beam) or named(beam)
     cases, removers = cases_of(selected, **settings), []
+    cases[0].survey.check_untapered()
     for pair in methods:
         if not isinstance(pair, list | tuple) or len(pair) != 2:
             raise InputError(

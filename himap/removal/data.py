@@ -147,7 +147,10 @@ class Data:
         return self.get_or_compute("centred", lambda: centred(self.maps, self.means))
 
     def project(self, rows):
-        """``rows @ centred``, (n_rows, n_channels) times (n_channels, n_pix), float64, without a copy."""
+        """``rows @ centred``, (n_rows, n_channels) times (n_channels, n_pix), float64.
+
+        Without a copy of the maps where these are float32.
+        """
         if self.maps.dtype != np.float32 or isinstance(self.known.get("centred"), np.ndarray):
             return projection(rows, self.centred)
         return projection(rows, self.maps, self.means)

@@ -11,6 +11,7 @@ from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.peaks import baseline_basis, check_clipping, least_channels, smooth_baselines
 
 _DEGREE = 31  # of polynomials in log nu that hold the exponential of a fit, to rounding
+_MOST_BEYOND = 10.0  # of log T above all that is seen: an extrapolation to missing channels ends there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,11 +52,15 @@ class Polynomial(ForegroundRemover):
         options = {"order": self.order, "n_sigma": self.n_sigma, "weights": data.weights}
         lines, freqs, low_rank = data.total, data.freqs, None
         if self.variable == "logarithm":
-            middle = freqs.mean()
-            (lines, scale), freqs = _logarithms(data), middle * (1 + np.log(freqs / middle))
+            (lines, scale), place = _logarithms(data), np.log(freqs / freqs[0])
+            freqs = freqs[0] + (freqs[-1] - freqs[0]) * place / place[-1]  # even in log nu, from end to end
         baselines = smooth_baselines(lines, freqs, **options)
         if self.variable == "logarithm":
-            low_rank = _exponential(baselines.basis, baselines.second, scale, freqs)
+            spectra = baseline_basis(freqs, min(_DEGREE, len(freqs) - 1))
+            if np.ndim(data.weights) == 2:  # where voxels are missing, fits may be too steep for polynomials
+                spectra = np.eye(len(freqs))
+            highest = lines.max() + _MOST_BEYOND
+            low_rank = _exponential(baselines.basis, baselines.second, scale, spectra, highest)
         return Separation(
             low_rank=low_rank,
             mixing=baselines.basis,
@@ -81,10 +86,10 @@ def _logarithms(data):
     return lines, scale
 
 
-def _exponential(basis, coefficients, scale, freqs):
-    """`LowRankCube` of scale exp(basis coefficients), with polynomials of `freqs` as its spectra."""
-    spectra = baseline_basis(freqs, min(_DEGREE, len(freqs) - 1))
+def _exponential(basis, coefficients, scale, spectra, highest):
+    """`LowRankCube` of scale exp(basis coefficients), in orthonormal spectra; exponents end at `highest`."""
     maps = np.empty((spectra.shape[1], len(scale)))
     for block in blocks(len(scale)):
-        maps[:, block] = spectra.T @ (np.exp(basis @ coefficients[:, block]) * scale[block])
+        exponents = np.minimum(basis @ coefficients[:, block], highest)
+        maps[:, block] = spectra.T @ (np.exp(exponents) * scale[block])
     return LowRankCube(spectra=spectra, maps=maps)

@@ -96,15 +96,17 @@ class CodeTree:
     former
         {place of a definition (see `digests`): former digest that it is to count as}; what follows is
         in the attribute `accepts`, a dict as `accepted`.
+    formers
+        All former digests, of which none is accepted for another; those of `former` unless given.
     roots
         Name of another package (or single module) -> its folder (or file).
     """
 
-    def __init__(self, *, texts=None, accepted=None, former=None, **roots):
+    def __init__(self, *, texts=None, accepted=None, former=None, formers=None, **roots):
         self.texts = texts or {}
         self._accepted = accepted_digests() if accepted is None else accepted
         self._former, self.accepts, self._digests = former or {}, {}, {}
-        self._formers = frozenset(self._former.values())
+        self._formers = formers or frozenset(self._former.values())
         self._files = {}  # {module: its file}
         for name, path in {"himap": ROOT, **roots}.items():
             root = Path(path)

@@ -90,7 +90,7 @@ def verify(calls, *, further=None, rtols=None, renew=False, report=print):
     behind = tree.digests(module.__name__)
     refused = {place for name in others for place in behind.get(name, ())}
     agreeing = {place: code for place, code in probes["places"].items() if place not in refused}
-    tree = tree_of(module, former=agreeing)
+    tree = tree_of(module, former=agreeing, formers=frozenset(probes["places"].values()))
     codes, places = codes_of(tree, module, further), {}
     for definitions in tree.digests(module.__name__).values():
         places |= definitions

@@ -50,6 +50,6 @@ EXPERIMENT = Experiment(
     measure=measure,
     summary=lambda rows: flag_table(rows).map(str),
     defaults={"preset": "ci", "n_realisations": 3, "n_restarts": 8},
-    without=("reading", "method", "n_sources_min", "n_sources_max"),
+    without=("reading", "method", "n_sources_min", "n_sources_max", "average", "polynomial"),
     stated=("n_realisations", "n_restarts"),
 )

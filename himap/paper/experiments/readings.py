@@ -44,6 +44,6 @@ EXPERIMENT = Experiment(
     prepare=prepare,
     other_restarts=other_restarts,
     defaults={"preset": "quick", "n_realisations": 2, "n_restarts": 4, "n_sources_max": 12},
-    without=("reading", "method"),  # varied, or always so
+    without=("reading", "method", "average", "polynomial"),  # varied, or always so
     stated=("n_realisations", "n_restarts", "n_sources_max"),
 )

@@ -142,7 +142,7 @@ EXPERIMENT = Experiment(
     summary=_summary,
     prepare=prepare,
     other_restarts=other_restarts,
-    defaults={"preset": "ci", "n_realisations": 3, "n_restarts": 8, "reading": "all"},
-    without=("method",),
+    defaults={"preset": "ci", "n_realisations": 3, "n_restarts": 8, "n_sources_max": 20, "reading": "all"},
+    without=("method", "average", "polynomial"),
     stated=("n_realisations", "n_restarts", "reading", "n_sources_max"),
 )
