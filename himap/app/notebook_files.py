@@ -35,7 +35,7 @@ _JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
 
 _REMARK = r"the paper's Fig\. ([\w.]*\w)"
 _HEAVY = 1e5  # bytes of a picture
-_LARGEST_DATA = 2_000_000  # characters of the numbers of one figure; beyond it is a cloud of points
+_LARGEST_DATA = 3_000_000  # characters of the numbers of one figure; beyond it is a cloud of points
 _LONGEST_NAME = 120  # a file name may have 255 bytes
 
 
@@ -197,7 +197,7 @@ class Figure:
     @property
     def paper(self):
         """The number of the paper's figure that it is, such as "1" or "A.2"; empty if it is none."""
-        number = re.search(rf"\({_REMARK}", self.caption)
+        number = re.search(rf"\((?:\w+; )?{_REMARK}", self.caption)
         return number[1] if number else ""
 
     @property
