@@ -200,8 +200,8 @@ Markdown(choices_table(run, [Record.load(EXPERIMENT, LEDGER), *changed]))
 # average over channels and the taper change verdicts. In the middle channel PCA and FastICA meet E2, which
 # they do not in the mean of all channels. The mean of the ratios, in which channels whose beam leaves little
 # HI at high $\ell$ count as much as the others, changes D1, through the polynomial, and V4. With Hann's
-# taper, which mixes neighbouring $k_\nu$, D3, the loss at low $k_\nu$, holds for no method. SDecGMCA is
-# within the 5 % of O3 in the ratio of the means, and not in the other two averages.
+# taper, which mixes neighbouring $k_\nu$, D3, the loss at low $k_\nu$, holds for no method. SDecGMCA meets
+# O3 in the ratio of the means, and not in the other two averages.
 #
 # The $\sigma$ of the clipping is varied in O8 and {doc}`03_peak_masking`, the size of the HI box and the
 # smoothing of HI in {doc}`18_paper_size`, the ripple by `ripple`.
