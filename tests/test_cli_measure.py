@@ -97,6 +97,11 @@ def bad(name, *options, message):
         bad("claims", "--grow", "none.json", "--overwrite", message="without -o and"),
         bad("readings", "-p", "reading=code", message="unknown parameter reading"),
         bad("readings", "-p", "method=beam_subspace", message="unknown parameter method"),
+        *(
+            bad(name, "-p", pair, message=f"unknown parameter {pair.partition('=')[0]}")
+            for name in ("readings", "restarts", "flags")
+            for pair in ("average=ratios", "polynomial=logarithm")
+        ),
         bad("transfer", "-p", "results=[]", message="unknown parameter results"),
         bad("transfer", "-p", "n_mock=2", message="did you mean n_mocks"),
         bad("transfer", "-p", 'methods=[["pca", 500]]', message="at most the number of channels"),

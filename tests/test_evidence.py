@@ -14,7 +14,7 @@ from himap.instrument.beams import Degraded, Evolving, Oscillating
 from himap.maps import sphere
 from himap.maps.low_rank import centred
 from himap.measures.diagnostics import flagged_lines
-from himap.measures.spectra import angular_power, frequency_power
+from himap.measures.spectra import TAPERS, angular_power, frequency_power
 from himap.paper import cleaned, evidence, pipeline
 from himap.paper.realisation import Realisation
 from himap.removal import PCA, Parametric, SDecGMCA
@@ -87,16 +87,17 @@ def test_no_cube_is_held_but_hi_through_the_beam(monkeypatch, rng):
     assert peak < 6 * cube.nbytes
 
 
+@pytest.mark.parametrize("taper", TAPERS)
 @pytest.mark.parametrize("beam", [Degraded(), Evolving()])
-def test_noise_and_hi_are_those_of_the_truth(beam):
+def test_noise_and_hi_are_those_of_the_truth(beam, taper):
     """Only the degraded beam smooths the noise."""
-    case = pipeline.Case(survey=SURVEY, beam=beam)
+    case = pipeline.Case(survey=replace(SURVEY, taper=taper), beam=beam)
     found = evidence.noise_and_hi(case)
     hi = pipeline.hi_seen(case)
     for one, cube in zip(found, (pipeline.truth(case) - hi, hi), strict=True):
         inside = slice(2, 2 * SURVEY.nside + 1)
         assert one.angular.mean[inside] == pytest.approx(angular_power(cube).mean[inside], rel=0.02)
-        expected = frequency_power(cube, SURVEY.channel_width).power
+        expected = frequency_power(cube, SURVEY.channel_width, taper=taper).power
         assert one.frequency.power[1:] == pytest.approx(expected[1:], rel=1e-5)
     unsmoothed = sphere.power_spectrum(pipeline.noise_alms(SURVEY)).mean(axis=0)
     assert (found[0].angular.mean[16] < 0.995 * unsmoothed[16]) == (beam == Degraded())
