@@ -45,6 +45,8 @@ from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show
 from himap.instrument.beams import named
 from himap.maps import sphere
+from himap.measures.diagnostics import Comparison
+from himap.paper import pipeline
 from himap.paper.methods import paper_beams, table_1
 from himap.paper.study import Study
 from himap.removal.pca import PCA
@@ -308,6 +310,21 @@ quote(
     peaks_change_oscillating=(-changes["oscillating"]["P"], 0.5, "%"),
     peaks_change_far=(max(change["far"] for change in changes.values()), 0.1, "%"),
 )
+
+# %% [markdown]
+# ## Subtracted from which maps?
+#
+# The paper does not say from which maps the foreground is subtracted. Were it the masked ones, even the true
+# foreground would leave a signal that lacks its masked peaks. Its power over that of HI plus noise, for the
+# beam of this line of sight:
+
+# %% tags=["hide-input"]
+without_peaks = pipeline.signal(study.case(selected))
+alms = sphere.analyse(without_peaks, n_iter=sphere.N_ITER_FLAT)
+spectra = pipeline.spectra_of(without_peaks, alms, study.survey)
+lacks = Comparison.of(spectra, study.truth(selected), l_top=study.l_top).wide_band_means()
+del without_peaks, alms, spectra
+show({name: (value, 0.003) for name, value in lacks.items()})
 
 # %% [markdown]
 # ## Conclusions

@@ -70,14 +70,16 @@ def test_noise_of_sources(small, rng):
     assert channels.source_noise(inverses) == pytest.approx(np.array(expected))
 
 
-def test_modes_of_a_cube_do_as_an_array_does(small, rng):
+@pytest.mark.parametrize("copied", [False, True])
+def test_modes_of_a_cube_do_as_an_array_does(small, rng, copied):
     """They go further than the beams, and are made for one l after the other."""
     channels, mixing = small
     further = np.hstack([channels.modes, rng.standard_normal((5, 9))])
     axes, _ = np.linalg.qr(rng.standard_normal((5, 2)))
     bright = axes.T @ further
     modes = CubeModes(spectra=axes, bright=bright, rest=(further - axes @ bright).astype(np.float32))
-    made, sources = replace(channels, modes=modes), rng.standard_normal((2, 16))
+    made = replace(channels, modes=modes.by_degree(3) if copied else modes)
+    sources = rng.standard_normal((2, 16))
     inverses, window = channels.least_squares(mixing), np.ones(4)
     for of_cube, of_array in (
         (made.sources(inverses), channels.sources(inverses)),

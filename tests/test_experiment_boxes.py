@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from himap.instrument.beams.paper import Degraded
+from himap.measures.spectra import frequency_power
 from himap.paper import pipeline
 from himap.paper.experiments.boxes import (
     COLUMNS,
     EXPERIMENT,
     QUANTITIES,
     measure,
+    numbers_of,
     skies,
     table_of,
 )
@@ -53,6 +55,18 @@ def test_numbers_are_those_of_the_maps(rows):
     k = 2 * np.pi * np.fft.rfftfreq(n, width)
     band = values(rows, 64, "P")["0.03–0.3"].item()
     assert band == pytest.approx(power[(k > 0.03) & (k < 0.3)].mean(), rel=1e-4)
+
+
+def test_spectra_have_the_taper_of_the_survey(rows):
+    (case,) = skies(preset="ci", survey=TINY["survey"] | {"taper": "hann"})
+    tapered_values = {(row["quantity"], row["band"]): row["value"] for row in numbers_of(case)}
+    maps = {"P": pipeline.hi_of_sky(case.survey.sky), "P_beam": pipeline.hi_seen(case)}
+    for quantity, cube in maps.items():
+        power = frequency_power(cube, case.survey.channel_width, taper="hann")
+        expected = power.power[(power.k > 0.03) & (power.k < 0.3)].mean()
+        found = tapered_values[quantity, "0.03–0.3"]
+        assert found == pytest.approx(expected)
+        assert found != pytest.approx(values(rows, 32, quantity)["0.03–0.3"].item(), rel=1e-3)
 
 
 def test_the_beam_is_that_of_healpy(rows):

@@ -13,13 +13,13 @@ from threadpoolctl import threadpool_limits
 
 from himap.core.progress import progress
 
-_BLOCK = 16384  # pixels
+_BLOCK = 1024  # pixels: float64 copies of 500 channels of them stay in the cache of a processor
 _ROUNDING = 2.0**-25  # relative, of float32: its rms in the mean over all numbers
 _HARMLESS = 1e-3  # mK: a hundredth of HI
 
 
 def blocks(n_pix, size=None):
-    """Slices of at most `size` pixels, 16384 unless given, that cover `n_pix` pixels."""
+    """Slices of at most `size` pixels, 1024 unless given, that cover `n_pix` pixels."""
     size = size or _BLOCK
     return [slice(start, start + size) for start in range(0, n_pix, size)]
 

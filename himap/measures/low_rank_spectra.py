@@ -164,7 +164,7 @@ def masked_power(alms, mask=None):
     return decouple(sphere.power_spectrum(alms), mask_weights(mask, len(mask)))
 
 
-def recovered_power(truth_alms, error, *, mask=None):
+def recovered_power(truth_alms, error, *, mask=None, variance=None):
     """Angular power spectrum of a recovered cube, from the coefficients of the truth.
 
     Only the few maps of the error are transformed: alm(recovered) = alm(truth) + spectra @ alm(maps).
@@ -174,12 +174,16 @@ def recovered_power(truth_alms, error, *, mask=None):
     truth_alms
         Coefficients (n_channels, n_alm) of the truth as `masked_alms` has them, or those that the truth was
         made from. In place of the truth any cube will do that differs from the recovered one by few spectra.
-        Without a mask they may end at any l, and the spectra end there.
+        Without a mask they may end at any l, and the spectra end there. Or a function that makes those of a
+        slice of channels, with their `variance`: so many cubes need none of them as a whole.
     error
         recovered - truth, a `LowRankCube` of `difference` or `LowRankCube.truncate`: products are in single
         precision, which terms that cancel would not survive.
     mask
         As in `angular_power`, that of `truth_alms`.
+    variance
+        Of the truth in each channel, (n_channels,), mK^2, which tells the terms of the error that are minor;
+        that of `truth_alms` unless given.
 
     Returns
     -------
@@ -194,12 +198,16 @@ def recovered_power(truth_alms, error, *, mask=None):
         3 nside - 1.
     """
     n_channels, n_pix = len(error.spectra), error.maps.shape[1]
-    weights = mask_weights(mask, n_pix)
-    if mask is not None or np.ndim(truth_alms) != 2 or len(truth_alms) != n_channels:
-        _check_alms(truth_alms, (n_channels, n_pix))
-    lmax = sphere.lmax_of_size(truth_alms.shape[1])
-    variance = sphere.power_spectrum(truth_alms) @ (2 * np.arange(lmax + 1) + 1) / (4 * np.pi)
-    alms = np.empty((len(error.maps), truth_alms.shape[1]), dtype=np.complex64)
+    weights, some = mask_weights(mask, n_pix), truth_alms
+    if not callable(some):
+        if mask is not None or np.ndim(truth_alms) != 2 or len(truth_alms) != n_channels:
+            _check_alms(truth_alms, (n_channels, n_pix))
+        some = truth_alms.__getitem__
+    n_alm = some(slice(1)).shape[1]
+    lmax = sphere.lmax_of_size(n_alm)
+    if variance is None:
+        variance = sphere.power_spectrum(truth_alms) @ (2 * np.arange(lmax + 1) + 1) / (4 * np.pi)
+    alms = np.empty((len(error.maps), n_alm), dtype=np.complex64)
     for spectrum, pixels, alm in zip(error.spectra.T, error.maps, alms, strict=True):
         maps = weighted(pixels, weights)
         # Of a term that is minor against the truth in every channel a rough analysis will do.
@@ -207,7 +215,7 @@ def recovered_power(truth_alms, error, *, mask=None):
         alm[:] = sphere.analyse(maps.astype(np.float32), lmax, n_iter=0 if minor else sphere.N_ITER)
     pseudo = np.empty((n_channels, lmax + 1))
     for channels in progress(blocks(n_channels, _CHANNELS), "angular spectra"):
-        recovered = truth_alms[channels] + error.spectra[channels].astype(np.float32) @ alms
+        recovered = some(channels) + error.spectra[channels].astype(np.float32) @ alms
         pseudo[channels] = sphere.power_spectrum(recovered)
     return decouple(pseudo, None if mask is None else weights)
 

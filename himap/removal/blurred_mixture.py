@@ -20,8 +20,9 @@ class BlurredMixture:
     Attributes
     ----------
     modes
-        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or `CubeModes` to that l or
-        further, whose modes of one l are made when they are needed, which takes less memory.
+        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or the `DegreeModes` of each l;
+        or `CubeModes` to that l or further, whose modes of one l are made when they are needed, which takes
+        less memory.
     beams
         H_l, (n_channels, lmax + 1).
     noise
@@ -30,7 +31,7 @@ class BlurredMixture:
         Eigenvalues of regularised normal equations below this share of the largest are raised to it.
     """
 
-    modes: np.ndarray | CubeModes
+    modes: np.ndarray | list | CubeModes
     beams: np.ndarray
     noise: np.ndarray | None = None
     floor: float = 1e-14
@@ -44,7 +45,7 @@ class BlurredMixture:
         """The modes of each l in turn, (n_channels, 2 l + 1)."""
         if isinstance(self.modes, CubeModes):
             return map(self.modes.at, range(self.lmax + 1))
-        return blocks(self.modes)
+        return self.modes if isinstance(self.modes, list) else blocks(self.modes)
 
     def at_one_resolution(self, which="lowest"):
         """Sum over modes of X X^T, X re-convolved to one beam, (n_channels, n_channels).
@@ -57,7 +58,7 @@ class BlurredMixture:
         target = self.beams[0] if which == "first" else self.beams.min(axis=0)
         products = np.zeros((len(self.beams), len(self.beams)))
         for ratio, block in zip((target / self.beams).T, self._by_degree(), strict=True):
-            convolved = ratio[:, None] * block
+            convolved = ratio[:, None] * np.asarray(block)
             if which == "first":
                 convolved[:, 1:] /= np.sqrt(2)
             products += convolved @ convolved.T
@@ -112,7 +113,7 @@ class BlurredMixture:
         """S_l = P_l X_l of every l, real modes (n_sources, (lmax + 1)^2)."""
         sources = np.empty((inverses.shape[-2], (self.lmax + 1) ** 2))
         for inverse, data, out in zip(inverses, self._by_degree(), blocks(sources), strict=True):
-            np.matmul(inverse, data, out=out)
+            out[:] = inverse @ data
         return sources
 
     def source_noise(self, inverses):
@@ -137,7 +138,7 @@ class BlurredMixture:
             self.matrices(mixing), self._by_degree(), *map(blocks, (sources, residual)), strict=True
         )
         for matrix, data, source, out in by_degree:
-            np.subtract(data, matrix @ source, out=out)
+            np.subtract(np.asarray(data), matrix @ source, out=out)
         return residual
 
     def corrected(self, mixing, residual, sources, kept):

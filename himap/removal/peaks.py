@@ -16,7 +16,7 @@ from himap.maps.low_rank import blocks, in_threads
 from himap.removal.data import check_channels
 from himap.removal.weighted_pca import least_squares
 
-_BLOCK = 4096  # lines of sight at a time: the float64 copies of a block stay small
+_BLOCK = 1024  # lines of sight at a time: the float64 copies of a block stay small
 _NORMAL = 1.4826  # standard deviation over median absolute deviation
 
 SPREADS = {

@@ -168,7 +168,7 @@ class SDecGMCA(ForegroundRemover):
         """Where `fit` of the `data` starts: `BlurredMixture`, `Scales`, and A, perturbed by `restart`."""
         nside = sphere.nside_of(data.maps)
         lmax = min(self.lmax, 2 * nside, data.beams.shape[1] - 1)
-        mixture = self._mixture(data, lmax, data.modes.upto(lmax))
+        mixture = self._mixture(data, lmax, data.modes.by_degree(lmax))
         start = mixture.start(self.n_sources, self.start_channel)
         if self.restart:
             normal = np.random.default_rng(self.restart).standard_normal(start.shape)
