@@ -33,8 +33,9 @@
 # $10 < \ell < 200$ exceeds 10 %, and may then be off by orders of magnitude; others differ by some per cent in
 # that range and by more elsewhere. **What holds all the same**: fits along each line of sight fail where the
 # beam oscillates with frequency, and with the paper's numbers of components SDecGMCA is, where a run does not
-# fail, the most accurate of its six methods through the oscillating beam and in the worst of the three;
-# through the degraded beam all differ little. PCA with six components, more than the paper gives it, is
+# fail, the most accurate of the paper's six methods through the oscillating beam, and has the smallest error
+# in the worst of the three beams; through the degraded beam all differ little.
+# PCA with six components, more than the paper gives it, is
 # comparable at `quick` (a quarter of the paper's resolution; SDecGMCA in the reading `instrument-noise`) and
 # not at `laptop`. **For your data** compare several restarts of SDecGMCA, or use a method that does not
 # depend on its start, such as BeamSubspace, which with as many sources loses more HI
@@ -51,11 +52,11 @@
 # {glue:text}`15_claims.ipynb::claims_others_reproduced:s`,
 # {glue:text}`15_claims.ipynb::claims_others_in_part:s`,
 # {glue:text}`15_claims.ipynb::claims_others_undecided:s` and
-# {glue:text}`15_claims.ipynb::claims_others_failed:s` (not applicable in all:
+# {glue:text}`15_claims.ipynb::claims_others_failed:s` (claims of both kinds that do not apply:
 # {glue:text}`15_claims.ipynb::claims_inapplicable:s`).
 #
 # The paper has five conclusions. Each is judged by claims of the ledger, whose readings were fixed before any
-# ensemble was measured ({doc}`15_claims`):
+# ensemble was measured, except for changes listed in {doc}`15_claims`:
 #
 # | the conclusion is | if its claims are |
 # |---|---|
@@ -67,9 +68,10 @@
 # The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and
 # restarts, the second of {glue:text}`answer_large_restarts` restarts on one sky at the paper's size (`nside`
 # 256, 500 channels, and an HI box of 1024³ cells; {doc}`18_paper_size` has the paper's 2048³ too), without
-# the scan over the number of sources. A single sky has no scatter over skies; in brackets is then the
-# $1\,\sigma$ interval of its restarts. Causes of verdicts are in {doc}`15_claims`. The pictures are of that
-# size, and have of SDecGMCA the median and the 16 to 84 % of eight restarts, but for the scan.
+# the scan over the number of sources. Brackets after a number are 16 to 84 % of the members, after a share
+# its range over skies or, of one sky, the $1\,\sigma$ interval of its restarts. Causes of verdicts are in
+# {doc}`15_claims`. The figures are of that size, with the median and 16 to 84 % of eight restarts of SDecGMCA
+# (one in the scan).
 # {doc}`../book/status` states which of the records and figures are stale.
 
 # %% tags=["parameters", "remove-input"]
@@ -151,7 +153,8 @@ Table(
 )
 
 # %% [markdown]
-# Nearly all methods agree with the truth through the degraded beam, fewer through the other two:
+# Through the degraded beam all methods but the polynomial fit (lowest $\ell$) agree with the truth; through
+# the other two fewer do:
 
 # %% tags=["remove-input"]
 angular = stored_curves(large, "fig-results-angular", folder)
@@ -190,12 +193,13 @@ claims_of(1)
 claims_of(2)
 
 # %% [markdown]
-# **The parametric fit fails, as in the paper, and SDecGMCA recovers $C_\ell$ where its run does not fail; PCA
-# and FastICA do so only where HI is brighter.** The beam adds spectral modes to the foreground at the highest
-# multipoles: 95 % of the multipoles of the worst of these three (median of the members) are within
+# **The parametric fit fails, as in the paper, and SDecGMCA recovers $C_\ell$ in most members; PCA and
+# FastICA do so only where HI is brighter.** The beam adds spectral modes to the foreground at the highest
+# multipoles: in the median member the worst of these three methods has 95 % of its multipoles within
 # {glue:text}`answer_evolving` of the truth at `laptop`, within {glue:text}`answer_evolving_pictures` at the
 # paper's size with the box of the pictures and within {glue:text}`answer_evolving_large` with the paper's
-# box (one run, in an earlier reading of SDecGMCA). The finer the box, the brighter HI: the decimal logarithm of the rms of the foregrounds over that of HI
+# box (one run, in an earlier reading of SDecGMCA). HI is brighter in finer cells, pixels
+# and channels: the decimal logarithm of the rms of the foregrounds over that of HI
 # is {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. A
 # fifth component removes these modes ({doc}`22_how_many`). GMCA has a larger excess than PCA, at lower
 # multipoles than in the paper.
@@ -209,16 +213,17 @@ claims_of(3)
 # **With the paper's numbers of components, SDecGMCA is the most accurate of the six through this beam, where
 # its run does not fail**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median of all
 # members; the paper: 5 %). At the paper's size, on one sky, it is within 5 % in
-# {glue:text}`answer_large_held` of {glue:text}`answer_large_restarts` restarts ({doc}`18_paper_size`). PCA,
+# {glue:text}`answer_large_held` of {glue:text}`answer_large_restarts` restarts ({doc}`18_paper_size`),
+# and in a smaller share of the figures' eight. PCA,
 # without knowledge of the beam, needs more components, one more at `quick` and more than one at `laptop`
 # ({doc}`25_side_by_side`): on the synthetic Galaxy of {doc}`10_results` with one more its mean $C/C_0$ at $10
 # < \ell < 128$ is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA
 # {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts).
 # {glue:text}`answer_peak` of the members of SDecGMCA have the paper's peak at $k_\nu = 0.3$, and
 # {glue:text}`answer_excess` its excess at low $k_\nu$; at the paper's size
-# {glue:text}`answer_large_peak` and {glue:text}`answer_large_excess` of the restarts. What happens beyond
-# $\ell = 200$ depends on the reading. {doc}`27_restarts` has the probability of failure, {doc}`16_readings`
-# the dependence on the reading.
+# {glue:text}`answer_large_peak` and {glue:text}`answer_large_excess` of the restarts. Beyond
+# $\ell = 200$ O6 is judged with the regularised inversion, not the default's projection. {doc}`27_restarts`
+# has the probability of failure, {doc}`16_readings` the dependence on the reading.
 #
 # ## 4. The number of sources
 
@@ -232,9 +237,9 @@ claims_of(4)
 Markdown(picture(large, "fig-ns-scan-mse", folder))
 
 # %% [markdown]
-# **The result is sensitive to the number of sources.** With too few the residual contains foreground; with
-# too many PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scan of
-# the ledger ends at 8.
+# **The result is sensitive to the number of sources, but 5 to 7 is rarely the optimum.** With too few the
+# residual contains foreground; with too many PCA loses HI, and in SDecGMCA foreground residual returns
+# ({doc}`11_ns_scan`). The scan of the ledger ends at 8.
 # {doc}`22_how_many` chooses the number without the truth.
 #
 # ## 5. Masks
@@ -249,7 +254,7 @@ Markdown(picture(large, "fig-dimmed-spectra", folder))
 # **Masks improve PCA, FastICA and GMCA.** Of the members of SDecGMCA post-masking improves
 # {glue:text}`answer_masked`, dimming {glue:text}`answer_dimmed`. Masks remove
 # foreground residuals in the Galactic plane, where a run has them. Where SDecGMCA is near the truth on the
-# full sky, masking or dimming does not improve it, and a change of the sky acts as a restart
+# full sky, neither masking nor dimming improves it; dimming, which changes the maps, also acts as a restart
 # ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`).
 #
 # ## Further reading

@@ -236,10 +236,11 @@ quote(
 )
 
 # %% [markdown]
-# With cells as small as the paper's the code hardly matters, cell and smoothing do. Each row is a pair of runs,
+# With cells as small as the paper's the code hardly matters, but the cell and the
+# smoothing do. Each row is a pair of runs,
 # whose band and beam are not stored; the row of `r_smooth` starts from another run, so that cell and smoothing
-# cannot be ranked. Claims B1 to B3 and D3 depend on both: {doc}`18_paper_size` judges them with either. At the
-# smaller presets the cell smooths more than 2 Mpc/h does.
+# cannot be ranked. Claims B1 to B3 and D3 may depend on both: {doc}`18_paper_size` judges them with either.
+# At the smaller presets the cell smooths more than 2 Mpc/h does.
 
 # %% tags=["hide-input"]
 CHOICES = [
@@ -270,8 +271,8 @@ several = table_of(record.rows)
 Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", note=record.made.footer())
 
 # %% [markdown]
-# The mean temperature and the share of voxels that stand out hardly depend on the cell. The brightest voxel
-# and all spectra do: a channel is about as thick as a cell of 1024³, so that $C_\ell$ of a channel has
+# The mean temperature and the share of voxels beyond $5\,\sigma$ depend little on the cell. The brightest
+# voxel and all spectra do: a channel is about as thick as a cell of 1024³, so that $C_\ell$ of a channel has
 # power from modes along the line of sight that a coarser box lacks, at every $\ell$, and most in the nearest
 # channels.
 # Ratios to the truth, on which the claims are judged, are of one box each; {doc}`18_paper_size` judges them
@@ -320,8 +321,8 @@ stamped(
 
 # %% [markdown]
 # {numref}`fig-galaxy-beside` compares the synthetic Galaxy with PySM's maps, {numref}`fig-galaxy-statistics`
-# the statistics it is calibrated on. It lacks the coherent clouds of the real sky (Cygnus, Orion, the Gum
-# nebula).
+# with the statistics to which it is calibrated. The synthetic Galaxy lacks the coherent clouds of the
+# real sky (Cygnus, Orion, the Gum nebula).
 #
 # ```{figure} ../book/_static/galaxy_beside.png
 # :name: fig-galaxy-beside
@@ -555,9 +556,9 @@ quote(
 #   {glue:text}`simulations_foreground` in the median pixel and at most {glue:text}`simulations_brightest`.
 #   Removing it to one part in $10^5$ is not enough where it is brightest.
 # - HI has a lognormal density, linear velocities, and no structure below the cell of the box, here
-#   {glue:text}`simulations_cell`. Already boxes of the table above with smaller cells have too little power in
-#   $P(k_\nu)$ and in $C_\ell$ at all scales, most above 1300 MHz; methods are compared with the truth of the
-#   same box.
+#   {glue:text}`simulations_cell`. Even the boxes with smaller cells in the table above have too little power
+#   in $P(k_\nu)$ and in $C_\ell$ at all scales, most above 1300 MHz; methods are compared with the truth of
+#   the same box.
 #
 # ## Exercise
 #

@@ -315,7 +315,8 @@ quote(
 #
 # - A beam that changes with frequency turns angular structure of the foreground into spectral structure.
 # - Smoothing to the worst resolution prevents that, if the beam is known, at the cost of small scales.
-# - Close to the Galactic plane a ripple of a tenth of a per cent of the width exceeds HI, at
+# - Close to the Galactic plane a ripple of a tenth of a per cent of the width gives the foreground one that
+#   exceeds HI, at
 #   $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
 #
 # ## Exercise

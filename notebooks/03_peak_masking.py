@@ -334,8 +334,8 @@ show({name: (value, 0.003) for name, value in lacks.items()})
 #   $k_\nu$ falls by {glue:text}`peaks_change_degraded`, {glue:text}`peaks_change_evolving` and
 #   {glue:text}`peaks_change_oscillating` for the degraded, evolving and oscillating beam, and changes by
 #   {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick`, for PCA, the step prevents a
-#   small signal loss and is not essential. The paper, at a resolution four times finer, reports that it is
-#   for all methods, and that it mitigates a bias of $P$ on all scales.
+#   signal loss at the smallest $k_\nu$ and is not essential. The paper, at a resolution four times finer,
+#   calls it essential for all methods, and reports that it mitigates a bias of $P$ on all scales.
 # - With the oscillating beam the foreground residual dominates, and masking does not reduce it.
 #
 # ## Exercise

@@ -23,7 +23,7 @@
 #
 # Foregrounds dominate the variance of the data and have few spectra, while HI changes from channel to
 # channel. Principal component analysis (PCA) estimates these spectra from the covariance of the channels and
-# removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 3.1) remove 3, 4 and 5
+# removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 4.2) remove 3, 4 and 5
 # components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam in
 # detail and then for all three.
 
@@ -162,7 +162,7 @@ channel_figure(study, hardest, removers[hardest][0])
 # %% [markdown]
 # ## The power spectra
 #
-# With the degraded beam the ratios are below 1, where signal is lost with the components. With the
+# With the degraded beam the ratios are below 1, as the components contain signal. With the
 # oscillating beam they are above 1, most at the lowest (as in the paper) and highest $\ell$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-angular", "caption": "Angular power spectrum, averaged over channels, of the cleaned maps for the three beams, and its ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 1.)"}}

@@ -116,7 +116,7 @@ pca = PCA(n_sources=n_sources)
 # ```
 #
 # **The cleaned maps of FastICA are those of PCA with the same $n_s$**, for every $\mathbf{W}$, converged or
-# not; those of scikit-learn's `FastICA(n_components=n_s)` too, as a test compares. They can differ only if
+# not; a test confirms this for scikit-learn's `FastICA(n_components=n_s)`. They can differ only if
 # the whitening keeps more components than are removed.
 
 # %%
@@ -129,8 +129,8 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # %% [markdown]
 # ## The removed components
 #
-# The spectra need not be orthogonal. Compared with {numref}`fig-pca-mixing` and {numref}`fig-pca-sources` all
-# three look like emission at the defaults, positive and falling with frequency, with mean spectral indices
+# The spectra need not be orthogonal. Unlike those of {numref}`fig-pca-mixing` and {numref}`fig-pca-sources`
+# all three look like emission at the defaults, positive and falling with frequency, with mean spectral indices
 # {glue:text}`fastica_index_first`, {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA, of unit length, ordered by the variance of their sources."}}
@@ -291,7 +291,7 @@ show(study.band_numbers(removers))
 # - FastICA removes the same space as PCA: cleaned maps, spectra and the number of components to choose are
 #   the same.
 # - Its sources look more like emission, but are not physical components, as these are not independent.
-# - With four components the sources depend on the random start; what is removed does not.
+# - The sources can depend on the random start, here with four components; what is removed does not.
 #
 # ## Exercise
 #

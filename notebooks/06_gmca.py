@@ -23,9 +23,9 @@
 #
 # Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*:
 # in a wavelet basis a map has few large coefficients, and those of different sources are in different places.
-# It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`. {cite:t}`gkogkou2025` (Sect. 3.1.3)
-# report an excess of GMCA with the evolving beam, from intermediate $\ell$ down, and relate it to its
-# reliance on sparsity. This chapter compares GMCA with PCA.
+# It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`. {cite:t}`gkogkou2025`
+# report an excess of GMCA (Sect. 3.1.3) with the evolving beam, from intermediate $\ell$ down, and relate it
+# to its reliance on sparsity (Sect. 4.2). This chapter compares GMCA with PCA.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -164,7 +164,7 @@ quote(
 # ```
 #
 # a projection again, which depends only on the space of $\mathbf{A}$; that of PCA leaves the smallest
-# variance. The [conventions](../book/conventions.md) list what the paper leaves open of GMCA.
+# variance. The [conventions](../book/conventions.md) list what the paper leaves open about GMCA.
 #
 # The columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign cancel, so thresholds in mK
 # need not fall. $\mathbf{A}$ still drifts at the end, but its space hardly changes after the first
@@ -238,7 +238,7 @@ channel_figure(study, selected, remover)
 #
 # For the degraded beam, where three components describe the foreground, GMCA and PCA differ by
 # {glue:text}`gmca_degraded_off` at most in the bands of the table. With the other two beams a component of
-# the foreground is missing, and GMCA has the larger foreground residual: at $\ell < 10$ its power is
+# the foreground is missing, and GMCA has more power than PCA at low $\ell$: at $\ell < 10$ its power is
 # {glue:text}`gmca_evolving_low` above that of PCA (evolving) and {glue:text}`gmca_oscillating_low` times it
 # (oscillating). At higher $\ell$, with the oscillating beam, its power is {glue:text}`gmca_oscillating_fine`
 # of that of PCA.

@@ -202,8 +202,9 @@ channel_figure(study, hardest, remover)
 angular_figure(study, removers)
 
 # %% [markdown]
-# With the degraded and the evolving beam $P$ has a loss at the smallest $k_\nu$ and an excess beyond. With
-# the oscillating beam it is far above the truth at nearly every $k_\nu$, most at the ripple, as in the paper.
+# With the degraded and the evolving beam $P$ has a loss at the smallest $k_\nu$ and an excess at most
+# larger ones. With the oscillating beam it is far above the truth at nearly every $k_\nu$, most at the
+# ripple, as in the paper.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-frequency", "caption": "Frequency power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)

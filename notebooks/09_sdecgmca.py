@@ -149,7 +149,7 @@ medoid = study.medoid(selected, remover)
 # ```
 #
 # **End.** Each stage ends when $\hat{\mathbf{S}}$ changes by less than a tolerance (the paper), or after a
-# number of iterations (the code of C21). The foreground is
+# number of iterations (the code of C21); here at whichever comes first. The foreground is
 # $\mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}$ with a last $\hat{\mathbf{S}}$ of
 # {eq}`eq-sdecgmca-sources` without thresholds. Three parameters depend on the beam (the paper's Table 1):
 #
@@ -182,8 +182,8 @@ Markdown("\n".join(Table(head, body).markdown()))
 # %% [markdown]
 # ## The foreground model
 #
-# The columns of $\mathbf{A}$ have no negative entries and are nearly parallel. None has the structure from
-# channel to channel that a source with HI would have.
+# The columns of $\mathbf{A}$ have no negative entries and are nearly parallel. In the medoid none varies
+# strongly from channel to channel, as the spectrum of HI would.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-mixing", "caption": "Columns of the mixing matrix of SDecGMCA (medoid of the restarts). A smooth column can be foreground; one with structure from channel to channel follows HI and noise."}}
 mixing_figure(study, selected, medoid)
@@ -205,7 +205,7 @@ channel_figure(study, selected, medoid)
 
 # %% [markdown]
 # With the degraded beam all restarts agree and $C/C_0$ is below 1. With the other two some restarts fail and
-# have foreground residual at all multipoles. The others lose most at the lowest $\ell$ and are near 1 above;
+# have foreground residual at most multipoles. The others lose most at the lowest $\ell$ and are near 1 above;
 # the paper has an excess at the lowest $\ell$ with the oscillating beam.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
@@ -213,8 +213,8 @@ angular_figure(study, removers)
 
 # %% [markdown]
 # The paper has a small peak at the ripple and an excess at low $k_\nu$. Through the oscillating
-# beam restarts that fail have both, larger than in the paper; the others lose power at low $k_\nu$, and their
-# peak is small.
+# beam a restart that fails can have both, larger than in the paper; the others lose power at low $k_\nu$, and
+# their peak is small.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
@@ -470,8 +470,8 @@ quote(
 # ## Conclusions
 #
 # - SDecGMCA has the beam in its mixture, and needs an accurate one ({doc}`21_beam_errors`).
-# - The treatment beyond the last multipole alone changes $P(k_\nu)$; the regularised one gives the maps a
-#   numerical error.
+# - $P(k_\nu)$ depends on the treatment beyond the last multipole; on these maps the regularised inversion
+#   there causes a numerical error.
 # - The iteration is chaotic: results need their scatter over restarts, and the number that failed.
 #
 # ## Exercise

@@ -26,8 +26,8 @@
 # subtracted from the maps as observed ({doc}`03_peak_masking`). Component methods remove 3, 4 and 5
 # components for the three beams, as in the paper.
 #
-# Cleaned maps are compared with the truth, HI plus noise through the same beam. A ratio above 1 is foreground
-# residual, a ratio below 1 signal loss; a ratio of 1 can be a sum of both ({doc}`14_diagnostics` and
+# Cleaned maps are compared with the truth, HI plus noise through the same beam. Foreground residual raises
+# the ratio, signal loss lowers it, and at any ratio both can be present ({doc}`14_diagnostics` and
 # {doc}`23_thresholds` separate them). SDecGMCA is chaotic ({doc}`27_restarts`): its numbers are medians of
 # restarts, with their 16 to 84 % in brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading)).
 # {doc}`16_readings` has what depends on the reading.
@@ -127,8 +127,9 @@ for band in dict.fromkeys(band for bands in table.values() for band in bands):
     display(show_table(rows, head=band))
 
 # %% [markdown]
-# For SDecGMCA: how many restarts failed (a mean $|C/C_0 - 1|$ above 10 % at $10 < \ell < 200$), and how many
-# converged before the last iteration; and which other methods did not converge.
+# The table has the restarts of SDecGMCA that failed (a mean $|C/C_0 - 1|$ above 10 % at $10 < \ell < 200$, or
+# up to the end of the maps) and that converged before the last iteration, and other methods that did not
+# converge.
 
 # %% tags=["hide-input"]
 numbers = {}

@@ -303,12 +303,12 @@ quote(
 )
 
 # %% [markdown]
-# In the paper the error falls steeply to its minimum at 5 and rises slowly beyond. Here the restarts of
+# In the paper the error has its minimum at 5 sources and rises again with many. Here the restarts of
 # SDecGMCA have it at {glue:text}`scan_best` sources. Relative to the least median, the error is
-# {glue:text}`scan_five` times with 5 sources, {glue:text}`scan_two` times with 2, and at least
-# {glue:text}`scan_ten` times from 10 on (medians of the restarts, with their 16 to 84 %). The total exceeds 1
-# for {glue:text}`scan_failed` of the {glue:text}`scan_tried` numbers tried. PCA has its minimum at
-# {glue:text}`scan_best_beside`.
+# {glue:text}`scan_five` times with 5 sources, {glue:text}`scan_two` times with 2, and {glue:text}`scan_ten`
+# times with the best number from 10 on (medians of the restarts, with their 16 to 84 %). Of the
+# {glue:text}`scan_tried` numbers tried, the total exceeds 1 for {glue:text}`scan_failed` (a count for each
+# restart). PCA has its minimum at {glue:text}`scan_best_beside`.
 #
 # For the logarithmic error the minima are at {glue:text}`scan_best_logarithmic` (SDecGMCA) and
 # {glue:text}`scan_best_logarithmic_beside` (PCA), for the absolute error at {glue:text}`scan_best_absolute` and
@@ -324,8 +324,8 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # ## The spectra
 #
 # Ratios above 1 are foreground residual, ratios below 1 lost HI. With 3 sources there is foreground residual on
-# most scales, with more sources only in restarts that fail; the others lose HI at low $k_\nu$ and low $\ell$.
-# In the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
+# most scales, with more sources mainly in restarts that fail; the others lose HI at low $k_\nu$ and low
+# $\ell$. In the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by SDecGMCA with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts. Grey band: 10 %; ratios are linear near 1, logarithmic beyond."}}
@@ -506,9 +506,10 @@ show(unconverged)
 #
 # - The best $n_s$ is defined by the truth, here on a single sky; {doc}`22_how_many` tests criteria without
 #   it.
-# - SDecGMCA has its minimum at {glue:text}`scan_best` sources, PCA at {glue:text}`scan_best_beside` with
-#   {glue:text}`scan_beside_over_best` times the error. With 5 sources the total MSE is
-#   {glue:text}`scan_error_five` for SDecGMCA and {glue:text}`scan_error_five_beside` for PCA.
+# - The minima of SDecGMCA's restarts are at {glue:text}`scan_best` sources. That of PCA, at
+#   {glue:text}`scan_best_beside`, is {glue:text}`scan_beside_over_best` times as large, but below the median
+#   of the restarts at every $n_s$. With 5 sources the total MSE is {glue:text}`scan_error_five` for SDecGMCA
+#   and {glue:text}`scan_error_five_beside` for PCA.
 # - For PCA without foreground residual each source costs about a share $1/N_\nu$ of the power, more at low
 #   $k_\nu$ and low $\ell$.
 #

@@ -34,7 +34,8 @@
 # for $|b| < b_\mathrm{edge}$, and 1 beyond. The paper gives $w_0 = 0.1$, $b_\mathrm{edge} = 15°$ and a
 # Gaussian shape; its width, which is not given, is $\sigma = b_\mathrm{edge} / 3$ here, and the subtractions
 # make both ends exact. HI and noise are unchanged. The paper finds that all methods improve, most PCA,
-# FastICA and SDecGMCA, and that the peak at the ripple falls below 2 % for SDecGMCA only.
+# FastICA and SDecGMCA, and that the peak at the ripple persists for PCA and FastICA and is below 2 %
+# for SDecGMCA.
 #
 # Dimming measures which part of the errors of {doc}`10_results` is due to the brightest foreground, here for
 # the oscillating beam and the synthetic Galaxy, with several restarts of SDecGMCA ({doc}`27_restarts`).
@@ -158,7 +159,8 @@ both_figure(dimmed, selected, curves, **look)
 
 # %% [markdown]
 # Compared with the full Galaxy, an excess that falls towards 1 was due to the plane; a change of a ratio below
-# 1 is a change of signal loss. Where the bands overlap, these restarts do not establish a change.
+# 1 is a change of signal loss. Another sky is also another restart of SDecGMCA: where the bands
+# overlap, no change is established.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "P/P0 (left) and C/C0 (right) with the full (dotted) and the dimmed Galaxy (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
 panels = []
@@ -325,7 +327,8 @@ quote(
 # ## Strength and width
 #
 # The paper has a single strength and width. For PCA, the left panel varies the weight in the plane and the
-# right panel the edge. The peak and the excess at low $k_\nu$ shrink with both, and a part of the peak remains.
+# right panel the edge. Peak and excess at low $k_\nu$ shrink with a smaller weight and a wider edge; a part
+# of the peak remains.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
@@ -416,7 +419,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# GMCA improves most of the component methods; the fits improve by larger factors, from errors that remain far
+# Of the component methods GMCA improves most; the fits improve by larger factors, from errors that remain far
 # above all others. The peak of PCA shrinks and remains. SDecGMCA improves where its restarts have foreground
 # residual.
 #

@@ -310,8 +310,8 @@ quote(
 # correlation of $q_\nu$ with $h_\nu$ is {glue:text}`diagnostics_q_and_h`.
 #
 # In {doc}`11_ns_scan` the smallest error of SDecGMCA is at {glue:text}`11_ns_scan.ipynb::scan_best:s`
-# sources, with a mean $r$ of {glue:text}`11_ns_scan.ipynb::scan_r_best:s`; here it is
-# {glue:text}`diagnostics_r_sd`.
+# sources, with a mean $r$ of {glue:text}`11_ns_scan.ipynb::scan_r_best:s`; the mean $r$ with the
+# number used here is {glue:text}`diagnostics_r_sd`.
 #
 # ## Variance over channels
 #
@@ -326,8 +326,8 @@ quote(
 # The paper describes $R_\ell$ as averaged over channels and its variance as that over channels; only the
 # latter is possible. It is zero for an error that all channels share, and a single channel can dominate it.
 #
-# Between the grey lines, where the paper has SDecGMCA lowest, so it is here at {glue:text}`diagnostics_smallest`
-# of the multipoles. The table has means over these $\ell$ (of the variance the geometric mean).
+# Between the grey lines the paper has SDecGMCA lowest; here it is lowest at {glue:text}`diagnostics_smallest`
+# of these multipoles. The table has means over these $\ell$ (of the variance the geometric mean).
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 of each channel against multipole, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. Grey lines: the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
@@ -428,8 +428,9 @@ quote(
 )
 
 # %% [markdown]
-# SDecGMCA has the smallest variance at {glue:text}`diagnostics_smallest` of these multipoles; on average the
-# smallest of the other methods is {glue:text}`diagnostics_variance_ratio` times as large. Two channels make
+# SDecGMCA has the smallest variance at {glue:text}`diagnostics_smallest` of these multipoles; in the
+# geometric mean the smallest of the other methods is {glue:text}`diagnostics_variance_ratio` times as large.
+# Two channels make
 # {glue:text}`diagnostics_in_two` of the variance (mean over methods); for SDecGMCA a single channel
 # contributes {glue:text}`diagnostics_top_share` of the squares (restarts: {glue:text}`diagnostics_top_channel`
 # MHz).

@@ -36,8 +36,8 @@
 # - **follow-up**: `code` with the changes to the inversion in the later code of the paper's first author (which has a network instead of thresholds).
 # - **instrument-noise**: the letter with the noise of the instrument in its thresholds, instead of the median absolute deviation of each scale.
 #
-# A difference between single runs can be that between restarts ({doc}`27_restarts`). The record of this page
-# has {glue:text}`readings_runs` of each reading, over {glue:text}`readings_skies`. A run fails if its mean
+# A difference between single runs can be that between restarts ({doc}`27_restarts`). Runs of each reading in
+# this record: {glue:text}`readings_runs`, over {glue:text}`readings_skies`. A run fails if its mean
 # $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$ (or up
 # to the end of the maps).
 
@@ -99,12 +99,12 @@ Markdown(f"*{made.footer()}*")
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
 # - **{glue:text}`readings_void_n` do not apply to these maps or this scan under any**: {glue:text}`readings_void`.
-# - **{glue:text}`readings_some_n` depend on the reading**: {glue:text}`readings_some`. The table has the choices that change them. A single choice changes
-#   {glue:text}`readings_one`.
+# - **{glue:text}`readings_some_n` depend on the reading**: {glue:text}`readings_some`. The table
+#   has the choices that change them. Claims that one choice alone changes: {glue:text}`readings_one`.
 #
-# {glue:text}`readings_deciders_n` of the choices change a verdict when they alone are changed in the
-# default: {glue:text}`readings_deciders`. With one run of each, another restart may be the cause. The
-# others change none: {glue:text}`readings_idle`. For {glue:text}`readings_unmoved_n` claims every reading
+# {glue:text}`readings_deciders_n` single changes of the default change a verdict:
+# {glue:text}`readings_deciders`. With one run of each, another restart may be the cause. Changes without
+# effect: {glue:text}`readings_idle`. For {glue:text}`readings_unmoved_n` claims every reading
 # gives the same number, or none: {glue:text}`readings_unmoved`. Undecided under the default:
 # {glue:text}`readings_split`.
 
@@ -233,9 +233,10 @@ plotting.stamp(curves_figure(outcomes), made)
 # which exaggerates both. {glue:text}`readings_scatter`.
 #
 # {glue:text}`readings_tied` candidates are not further from the first than the standard error of their
-# difference; of these {glue:text}`readings_tie` has the fewest departures from the text. What a tie is was
-# defined after most of these numbers were known. So the rule selects this one, and the
-# default is {glue:text}`readings_default`. O6 is judged with the regularised inversion in every candidate;
+# difference; of these {glue:text}`readings_tie` has the fewest departures from the text (of several with as
+# few, the highest mean). What a tie is was defined after most of these numbers were known. So the rule
+# selects this one, and the default is {glue:text}`readings_default`.
+# O6 is judged with the regularised inversion in every candidate;
 # without O6 the highest mean is {glue:text}`readings_without_most`, of {glue:text}`readings_without_first`,
 # and that of the default is {glue:text}`readings_without_default`.
 #
@@ -245,8 +246,8 @@ plotting.stamp(curves_figure(outcomes), made)
 # continued with its $\epsilon$, which did not fail on eight starts on each of two skies at `laptop` and on
 # one at the paper's size. Results that are still of one of these say so.
 #
-# More starts can change the order: with the starts of the ledger, more on each sky than here, the last of these
-# had held more statements on both skies that were measured again than the present default does.
+# More starts can change the order: with those of the ledger, more on each sky than here, more statements held
+# for this last reading than for the present default, on both skies.
 
 # %% tags=["hide-input"]
 ensembles = [
@@ -324,8 +325,8 @@ quote(
 # (readings-shares)=
 # ### Which claims hold at that size
 #
-# The share of skies in which the main parts of a claim hold (their mean, per cent), for the default and the
-# readings with a name. Claims on other methods alone are the same for all.
+# The share of members in which the main parts of a claim hold (mean over parts and skies, per cent), for the
+# default and the readings with a name. Claims on other methods alone are the same for all.
 
 # %% tags=["hide-input"]
 at_that_size = outcomes_of(rows)
@@ -432,7 +433,7 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# By the rule, yes: the paper shows a single run. For an observation the failed run must be identified without
+# By the rule, yes: the paper has no restarts. For an observation the failed run must be identified without
 # the truth ({ref}`restarts-flags`).
 #
 # </details>

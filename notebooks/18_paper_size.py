@@ -31,8 +31,8 @@
 # has PySM's of nside 512; {doc}`../book/conventions` lists the others. One ledger has several restarts of
 # SDecGMCA and, as the figures, an HI box of 1024³ cells, which are {glue:text}`paper_size_cell` wide; a pixel
 # at the far end is {glue:text}`paper_size_pixel` wide. The other has the paper's 2048³ cells and a single run
-# of SDecGMCA in an earlier default reading, `code-rounding` continued beyond ℓ = 200 with its ε, as has the
-# one of smoothed HI; the figures of the synthetic Galaxy have `instrument-noise` ({doc}`16_readings`).
+# of SDecGMCA in an earlier default reading, `code-rounding` continued beyond ℓ = 200 with its ε; so has the
+# ledger with smoothed HI. The figures of the synthetic Galaxy have `instrument-noise` ({doc}`16_readings`).
 # {doc}`01_simulations` compares the two boxes.
 #
 # The results are stored in `book/results`; {doc}`../book/contributing` has the commands and {doc}`19_scale`
@@ -80,12 +80,13 @@ Markdown("\n\n".join([verdicts_table(ledgers), ledgers_table(ledgers, others=oth
 
 # %% [markdown]
 # (smoothed)=
-# ### Claims that depend on the HI box
+# ### Claims on bright HI in three HI fields
 #
-# What the masking of peaks does depends on how bright and how wide the brightest HI sources are. The same
-# Galaxy and noise, with cells twice as wide as those of the paper's box, with that box, and with the wider
-# cells and the matter smoothed by {glue:text}`paper_size_smoothing`, an option of the paper's simulator that
-# its sample file has ({doc}`01_simulations`). The last two are one run of SDecGMCA each.
+# The effect of peak masking depends on how bright and how wide the brightest HI sources are. The columns have
+# the same Galaxy and noise, with cells twice as wide as those of the paper's box, with that box, and with the
+# wider cells and the matter smoothed by {glue:text}`paper_size_smoothing`, an option in the sample file of
+# the paper's simulator ({doc}`01_simulations`). The last two have one run of SDecGMCA each, in the earlier
+# reading. Only the verdict on B1 differs.
 
 # %% tags=["hide-input"]
 of_the_box = "B1", "B2", "B3", "D3"

@@ -240,11 +240,11 @@ head = ["Step", "Once, two cores", "Times", f"Core hours, {n_realisations} reali
 Markdown("\n".join(Table(head, rows).markdown()))
 
 # %% [markdown]
-# The exponent with channels is the measured one; that with `nside` is the ratio of the two tables of steps
-# after the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and
+# The exponent with channels is measured; that with `nside` follows from the two tables of steps, divided by
+# the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and
 # {glue:text}`scale_more` in channels, from small maps, the oscillating beam and a shared machine, are
-# uncertain by a factor of two. The cubes of one realisation take {glue:text}`scale_disk` times the disk space
-# of the paper's size.
+# uncertain by a factor of two or more. The cubes of one realisation take {glue:text}`scale_disk` times the
+# disk space of the paper's size.
 #
 # Dask does not divide a product: a worker holds whole cubes, {glue:text}`scale_large_cube` each at this size,
 # so that the step with the largest memory sets what a worker needs, {glue:text}`scale_worker`. Use one worker
@@ -280,7 +280,7 @@ quote(
 # %% [markdown]
 # ## What follows
 #
-# - At the paper's size every step fits a machine with two cores.
+# - At the paper's size every step takes minutes at most on two cores.
 # - Most steps are as fast as the usual tools or faster.
 #
 # ## Exercise

@@ -23,9 +23,10 @@
 # > - **Good to know**: what an estimator and its bias are.
 # > - **Time and memory**: {cost}`20_transfer_function`.
 #
-# Every method removes some HI and leaves some foreground. The paper measures both against the truth, which an
-# observation does not have. This chapter estimates them from **mocks**, skies of HI and noise whose truth is
-# known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the mock $m$ replaces
+# Every method removes some HI and leaves some foreground. The paper measures their net effect against the
+# truth, which an observation does not have. This chapter estimates both from **mocks**, skies of HI and noise
+# whose truth is known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the mock
+# $m$ replaces
 # the HI and noise of the data, and with an estimated foreground $\hat f$ it is cleaned like the data, peak
 # masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and their means give
 #
@@ -40,19 +41,21 @@
 # the beam. The error bar is the root mean square of $\hat P / |m|^2 - 1$ of the members, each corrected by the
 # others, times Student's factor for their number. The paper has no such correction.
 #
-# **Which foreground?** A method with few sources leaves in the residual whatever they do not hold, and takes
-# some HI into the faintest of them. Its own $\hat f$ has no residual, and a correction by it no knowledge of
-# one. For all methods $\hat f$ is therefore made of smooth spectra, seen through the beam, with the covariance
+# **Which foreground?** The sources of a method lack some of the foreground, and the faintest contain some HI.
+# With its estimate as $\hat f$ the mocks would have no foreground residual, and the correction would subtract
+# none.
+# For all methods $\hat f$ is therefore made of smooth spectra, seen through the beam, with the covariance
 # that the data have beyond that of the mocks; what is too faint to be seen in one band of multipoles is
 # estimated from several. Each member has its own $\hat f$: first a covariance is drawn, as it would be
 # estimated from other skies like this one, then a foreground from its posterior given the data
-# ({cite:t}`wandelt2004`). The mean of that, a Wiener filter, has less power than the foreground, above all
-# where that is no brighter than HI. $b$ has the foreground residual and its cross power with what the method
-# leaves of the mock, so that it may be negative.
+# ({cite:t}`wandelt2004`). The mean of this posterior, a Wiener filter, has less power than the foreground,
+# above all where the foreground is no brighter than HI. $b$ has the foreground residual, its cross power with
+# the residual of the mock and, unless the loss is that of a fixed projection, a negative part without any
+# foreground.
 # `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam`, for methods that
-# need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and a residual that it
-# leaves is not known. A check that needs no $\hat f$ is always made: whether the corrected power is
-# that of the residual in parts of the sky, extrapolated to no foreground.
+# need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and its foreground
+# residual remains unknown. A check that needs no $\hat f$ is always made: the corrected power is compared
+# with that of the residual in parts of the sky, extrapolated to zero foreground.
 #
 # Mocks can also be added to the data, $\hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d)$
 # ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but no foreground residual, and
@@ -239,7 +242,7 @@ study.stamped(
 # The HI of the data may differ from that of the mocks. The figure has $T$ of the first mock with a bias of HI
 # that is higher by 30 %, with twice and half the HI, and as Gaussian fields with the same power spectra, over
 # $T$ of the original, from one mock each. A line at 1 is a change that does not matter. How HI is correlated
-# along frequency is not varied; it matters more (see the end of the summary).
+# along frequency is not varied; it may matter more (see the end of the summary).
 
 # %% tags=["hide-input"]
 variants = {
@@ -419,7 +422,7 @@ quote(
 # Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky; {glue:text}`transfer_skies`
 # skies at `ci` and {glue:text}`transfer_larger_skies` at `quick` with each Galaxy. *Before* and *after* are
 # the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$;
-# below they are larger (tables above).
+# at lower $\ell$ and $k_\nu$ they are mostly larger (tables above).
 # Coverage is of all bands; the squared pull is the median of bands. *With systematic* the error bar has, in
 # quadrature, all of the foreground residual that was subtracted, and is *wider by* that factor (median).
 
@@ -436,16 +439,17 @@ show_table(rows, columns=4)
 # - **So the correction is a systematic error too.** As that is assumed and not measured, the whole of what was
 #   subtracted is quoted, and added in quadrature. That is too cautious where much was subtracted, as for
 #   BeamSubspace on the real Galaxy.
-# - **The error bars of SmoothSpectra at `quick` are too small**, and its means at low $\ell$ and $k_\nu$ are too
-#   high. Its power there differs more between skies than between members of one sky.
+# - **The error bars of SmoothSpectra at `quick` are too small**, most with the synthetic Galaxy. Its means at
+#   the lowest $\ell$, with the synthetic Galaxy also at the lowest $k_\nu$, are too high. Its power there
+#   differs more between skies than between members of one sky.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) is
 #   in the unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
 #   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
 #   bands than mocks, and the inverse is biased high ({cite:t}`hartlap2007`).
-# - **What is lost entirely comes from the mocks alone.** Where the transfer function is far from one, data whose
-#   HI is smoother in frequency than that of the mocks have lost more than the mocks say, and what they have
-#   more than the mocks in smooth spectra is subtracted as foreground. No error bar here knows it, but the
-#   systematic error has the latter. Mocks of your own (`--mocks FILE`) are the way out.
+# - **Modes that are lost entirely are known from the mocks alone.** Where the transfer function is far from
+#   one, HI that is smoother in frequency than that of the mocks loses more than they predict, and its excess
+#   over them in smooth spectra is subtracted as foreground. The error bars include neither; the systematic
+#   error includes the latter. Use mocks with the right HI (`--mocks FILE`).
 # - **Sample variance and noise are not in these error bars**, because the truth is that of the same sky. The
 #   commands below list them separately.
 #

@@ -98,8 +98,8 @@ table = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
 # A rising curve is a method that is sensitive to its beam. Where it crosses the horizontal curve, a method
-# without a beam is better. An error that oscillates with frequency costs far more than one that all channels
-# share: bright pixels then have spectra that no fitted spectrum describes.
+# without a beam is better. With three sources an error that oscillates with frequency leaves far more
+# foreground than one that all channels share; a fourth source can fit the spectrum that it adds.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of the assumed beam. Horizontal: a method without a beam; grey line: 1 %. Values below 0.1 % are not shown."}}
 study.stamped(beam_errors_figure(table), beam=case.beam)
@@ -111,13 +111,13 @@ study.stamped(beam_errors_figure(table), beam=case.beam)
 # More errors, methods and skies, stored with the book, for both Galaxies:
 #
 # ```sh
-# himap measure beam_errors --preset quick -p n_realisations=5 --jobs 2
+# himap measure beam_errors --preset quick -p reading=instrument-noise -p n_realisations=5 --jobs 2
 # ```
 #
 # With four sources or more BeamSubspace has a smaller residual at large errors, where the effect of the wrong
 # beam on the foreground is bright enough to be fitted by an additional source. Where it is as bright as the
 # HI, no source fits it. SDecGMCA, with five sources, one run on each sky and an earlier default reading
-# (`instrument-noise`), fails on single skies with any beam, which raises its mean.
+# (`instrument-noise`), fails on single skies, even with the exact beam, which raises its mean.
 
 # %% tags=["hide-input"]
 galaxies = ("synthetic", "templates")
@@ -131,12 +131,13 @@ plotting.stamp(beam_errors_figure(records[0].rows), records[0].made.footer())
 # With the real Galaxy three sources have a larger residual with the exact beam; the lines of BeamSubspace rise
 # at similar errors.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over skies, real Galaxy. Grey line: 1 %. Values below 0.1 % or above 100 are not shown; SDecGMCA: one run on each sky."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-second", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of each kind: mean over skies, real Galaxy. Grey line: 1 %. Values below 0.1 % or above 100 are not shown; SDecGMCA: one run on each sky, in the reading instrument-noise."}}
 plotting.stamp(beam_errors_figure(records[-1].rows), records[-1].made.footer())
 
 # %% [markdown]
-# The next table has the error up to which the foreground residual is at most 1 % larger than with the exact
-# beam, interpolated between the errors that were tried ("less" if the smallest of them is too large).
+# The next table has the error up to which the foreground residual exceeds that with the exact beam by at most
+# 1 % of the power of HI and noise, interpolated between the errors that were tried ("less" if the smallest of
+# them is too large).
 # SDecGMCA is not in it: a failure on one of the skies decides its mean.
 
 
@@ -176,7 +177,7 @@ Table(["Galaxy", "method", *kinds], lines, align="llrrrrr")
 #
 # The beams of MeerKAT measured by holography ({cite:t}`asad2021`, package katbeam) are not Gaussian: they
 # have side lobes, and $b_\ell = 0$ beyond $2\pi D/\lambda$. The data are seen through these
-# (`beam=meerkat_lobes`), and methods assume Gaussians of the same FWHM in every channel (`meerkat`).
+# (`beam=meerkat_lobes`), and methods assume, in each channel, a Gaussian of the same FWHM (`meerkat`).
 
 # %% tags=["hide-input"]
 shown = case.survey.freqs[[0, -1]]
@@ -255,18 +256,19 @@ quote(
 #
 # At `quick`, in the mean over {glue:text}`beams_skies` skies:
 #
-# - **With the number of sources that suffices for an exact beam, the beam must be exact.** For BeamSubspace
-#   with three sources the foreground residual grows by 1 % for an error of the width of
-#   {glue:text}`beams_width` or a ripple of {glue:text}`beams_ripple` of the FWHM (for the Galaxy where that
-#   is less).
-# - **From five sources on the tolerated errors grow**, with the real Galaxy not those of a ripple that the
-#   beam does not have, at the price of the signal loss of each source, which mocks can correct. A fourth
-#   source lowers the residual at large errors and hardly changes the tolerated error.
+# - **With the sources that suffice for an exact beam, the beam must be known accurately.** For BeamSubspace
+#   with three sources the foreground residual grows by 1 % of the power of HI and noise for an error of the
+#   width of {glue:text}`beams_width` or a ripple of {glue:text}`beams_ripple` of the FWHM (for the Galaxy
+#   where that is less).
+# - **From five sources on most tolerated errors grow**, with the real Galaxy not that of a ripple that the
+#   beam does not have nor, with five, that of the period. The price is the signal loss of each source, which
+#   mocks can correct. A fourth source lowers the residual at large errors and hardly changes the tolerated
+#   error.
 # - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a
 #   foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and
-#   {glue:text}`beams_lobes_right_real` (real); with Gaussians of the right width, {glue:text}`beams_lobes`
-#   and {glue:text}`beams_lobes_real`. The smallest with more sources is {glue:text}`beams_best`, and
-#   {glue:text}`beams_best_real` with the real Galaxy.
+#   {glue:text}`beams_lobes_right_real` (real), over the power of HI and noise; with Gaussians of the right
+#   width, {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. The smallest with more sources is
+#   {glue:text}`beams_best`, and {glue:text}`beams_best_real` with the real Galaxy.
 # - **Where the beam is less well known**, PCA with enough components is no worse, and simpler.
 #
 # For your cube, without the truth:

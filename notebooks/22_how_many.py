@@ -31,7 +31,7 @@
 #
 # | criterion | recommends |
 # |---|---|
-# | BIC | the minimum of the mean over channels of $\ln \sigma^2_\nu$ of the residual, plus $\ln N / N$ for each number in $A$ and $S$, $N$ pixels; {cite:t}`schwarz1978` |
+# | BIC | the minimum of the mean over channels of $\ln \sigma^2_\nu$ of the residual, plus $\ln N / N$ over the number of channels for each number in $A$ and $S$, $N$ pixels; {cite:t}`schwarz1978` |
 # | AIC | the same with $2 / N$; {cite:t}`akaike1974` |
 # | eigenvalues | the number of eigenvalues of the channel covariance that exceed the line of HI and noise by a factor of 3; for a beam-aware method, of maps at one resolution |
 # | stability | the first number after which one more source changes no spectrum by 10 % or more |
@@ -226,13 +226,13 @@ quote(
 #   beam-aware method, that of BIC if the spectra are stable after it, and else a range.
 # - **Stability** is right in {glue:text}`many_stability` cases. But every source removes HI, so that the
 #   spectra never stop changing, and which change is tolerable depends on the survey.
-# - **Mocks** are right in {glue:text}`many_mocks`, and often recommend one source more: the correction
-#   recovers what it removes.
+# - **Mocks** are right in {glue:text}`many_mocks`, and otherwise recommend more sources: the correction
+#   recovers the HI that a further source removes.
 # - **AIC** ({glue:text}`many_aic`) and **evidence** ({glue:text}`many_minka`) count HI as components: its
 #   channels are correlated, and both assume white noise. GNILC ({cite:t}`olivari2016`) uses AIC on maps that
 #   are whitened by the covariance of HI, which has to be assumed.
-# - The right number depends on the method and the beam: that of PCA costs a beam-aware method a share of the
-#   HI, and the reverse leaves foreground.
+# - The right number depends on the method and the beam: with that of PCA a beam-aware method loses more HI,
+#   and with that of a beam-aware method PCA has foreground residual.
 #
 # ```sh
 # himap suggest cube.h5 --method beam_subspace --beam oscillating -o how_many.html
@@ -249,7 +249,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# BIC and the eigenvalues, as before. Stability and mocks give none, because they compare with one more source, which was not tried. AIC gives the largest number that was tried.
+# BIC, the eigenvalues and the evidence, as before. Stability and mocks give none, because they compare with one more source, which was not tried. AIC gives the largest number that was tried.
 #
 # </details>
 #

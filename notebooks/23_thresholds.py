@@ -205,7 +205,7 @@ curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 # %% [markdown]
 # The ratio of SmoothSpectra should be smooth and below 1, and the dotted one, corrected, 1. A curve that crosses 1 can have a mean near 1 and large errors.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA (one run) with the paper's number of sources and of the other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; ratios to the truth. Grey band: 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA (one run) with the paper's number of sources and of the other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; ratios to the truth up to a last multipole; black: with the noise beyond it. Grey band: 10 %."}}
 both_figure(study, case.beam, curves)
 
 # %% [markdown]
@@ -263,8 +263,8 @@ quote(
 # |---|---|---|---|---|
 # | {glue:text}`thresholds_paper` | {glue:text}`thresholds_beam` | {glue:text}`thresholds_cube` | {glue:text}`thresholds_corrected` | {glue:text}`thresholds_more` |
 #
-# - **Without correction no method can meet the goal**: the spectra that the foreground needs overlap with
-#   that much HI.
+# - **Without correction none of the three meets the goal**: the spectra that the foreground needs overlap
+#   with too much HI.
 # - **Additional sources cost SmoothSpectra no signal**: with {glue:text}`thresholds_many` it preserves
 #   {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace
 #   {glue:text}`thresholds_kept_beam`, one run of SDecGMCA {glue:text}`thresholds_kept_paper`. The corrected

@@ -194,8 +194,9 @@ survey_of = {
 }
 
 # %% [markdown]
-# For PCA the dashed curve (this tenth alone) is nearer to 1 in $P/P_0$, because this survey does not have the
-# plane, which needs components; for BeamSubspace the solid one (full sky) is.
+# For PCA the dashed curve (this tenth alone) is nearer to 1 in $P/P_0$, but for the smallest $k_\nu$, because
+# this survey does not have the plane, which needs components; for BeamSubspace the solid one (full sky) is,
+# with five sources only at the smallest $k_\nu$ and at the ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-survey", "caption": "Power of the residual over that of the truth within a tenth of the sky, for each method (rows), separated on the full sky and on that tenth alone. Deviations of more than 40 % are not shown."}}
 panels = [
@@ -247,8 +248,9 @@ quote(
 # | {glue:text}`masks_last` | {glue:text}`masks_last_none` | {glue:text}`masks_last_post` | {glue:text}`masks_last_dimmed` | {glue:text}`masks_last_inside` | {glue:text}`masks_survey_last` |
 #
 # - **BeamSubspace needs no mask here**: its model describes the plane too. Without a mask, masked
-#   afterwards and with a dimmed plane it is equally accurate. SDecGMCA was not tested. Masking within the separation adds foreground
-#   residual from the edge, at small $k_\nu$ and at the ripple.
+#   afterwards and with a dimmed plane it is equally accurate. SDecGMCA was not tested. With
+#   three sources masking within the separation adds foreground residual from the edge, at small $k_\nu$ and
+#   at the ripple; with five it lowers the error beyond the margin.
 # - **A mask helps PCA**, for which the plane needs components that the rest of the sky does not.
 # - **The edge costs a margin**: within about two beam widths of it the error of BeamSubspace rises steeply.
 #   With three sources it exceeds that without a mask at all distances shown.

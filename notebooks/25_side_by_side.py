@@ -122,7 +122,7 @@ study.stamped(methods_figure({"": first}, "frequency"))
 # Galaxy, stored with the book:
 #
 # ```sh
-# himap measure methods --preset quick --jobs 2
+# himap measure methods --preset quick -p reading=instrument-noise --jobs 2
 # ```
 #
 # and again with `-p galaxy=templates -p template_dir=FOLDER`.
@@ -202,10 +202,10 @@ figure_of(records, "frequency", corrected=True)
 deviations(records)
 
 # %% [markdown]
-# The paper's two iterative methods, which take long, with a transfer function through the oscillating beam:
+# SDecGMCA and GMCA, whose correction takes long, with a transfer function through the oscillating beam:
 #
 # ```sh
-# himap measure methods --preset quick -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["gmca", 5]]' -p 'corrected=["sdecgmca", "gmca"]' --jobs 2
+# himap measure methods --preset quick -p reading=instrument-noise -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["gmca", 5]]' -p 'corrected=["sdecgmca", "gmca"]' --jobs 2
 # ```
 
 # %% tags=["hide-input"]
@@ -218,7 +218,7 @@ deviations(stored(iterated, "iterated"))
 # The same at `laptop` (`nside` 128, 250 channels), through the oscillating beam, on {glue:text}`side_larger_skies` skies with each Galaxy:
 #
 # ```sh
-# himap measure methods --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
+# himap measure methods --preset laptop -p reading=instrument-noise -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
 # ```
 #
 # Components that suffice at `quick` may not suffice with more pixels and channels, above all at the highest
@@ -334,7 +334,8 @@ quote(
 # - **SDecGMCA and PCA**: as in the paper, SDecGMCA is far nearer to the truth than PCA with the same five
 #   components ({glue:text}`side_paper` and {glue:text}`side_few`). With one component more PCA is as near
 #   ({glue:text}`side_unknown`). Through the evolving beam SDecGMCA is off by
-#   {glue:text}`side_paper_evolving`. All of these are of SDecGMCA in the reading `instrument-noise`.
+#   {glue:text}`side_paper_evolving`. All of these are of SDecGMCA in the reading `instrument-noise`; the
+#   default reading fails more often ({doc}`27_restarts`).
 # - **Resolution**: at `laptop` PCA needs more components; with the six of the table it is off by
 #   {glue:text}`side_larger_unknown` after correction.
 # - **The beam**: if its width is wrong by 1 %, BeamSubspace has a foreground residual of

@@ -416,12 +416,12 @@ quote(
 #
 # - **Flag the gaps**, {glue:text}`survey_missing` of this cube. Interpolation across gaps has errors far above
 #   HI, which a few components cannot describe.
-# - **Weights trade noise for signal.** They keep the noise of the edge out of the components, which adapt
-#   more closely to fewer pixels: correct the signal loss.
+# - **Weights change little here.** They keep the noise of the edge out of the components, but these then
+#   adapt more closely to fewer pixels: correct the signal loss.
 # - **Signal loss is larger for a small patch** than for the full sky; mocks through the same gaps measure it.
-# - **Fits are less sensitive to gaps**, and not to weights of pixels, since each line of sight is fitted
-#   separately. The residual of the {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at
-#   small $k_\nu$ through this beam.
+# - **Fits are less sensitive to gaps**, except at the smallest $k_\nu$ after correction, and insensitive to
+#   weights of pixels, since each line of sight is fitted separately. The residual of the
+#   {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at small $k_\nu$ through this beam.
 #
 # ```sh
 # himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat_lobes --mocks 10 --mock-noise 0.15 -o transfer.html

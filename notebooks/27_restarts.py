@@ -102,12 +102,13 @@ Markdown("\n\n".join(f"*{record.made.footer()}*" for record in stored))
 # ## Growth of a small change
 #
 # Let $\theta$ be the largest angle between the column spaces of $\mathbf{A}$ of a restart and of the plain
-# start after the same number of iterations. Where $\sin\theta = 1$ each space has a spectrum that the other
-# does not.
+# start after the same number of iterations. Where $\sin\theta = 1$ each space contains a spectrum that is
+# orthogonal to the other.
 #
 # Look at the first iterations. The first multiplies the change by {glue:text}`restarts_first_ours` (himap) and
-# {glue:text}`restarts_first_theirs` (authors' code; medians with the synthetic and the real Galaxy). They are
-# above a hundredth from iterations {glue:text}`restarts_order_ours` and {glue:text}`restarts_order_theirs` on.
+# {glue:text}`restarts_first_theirs` (authors' code; medians with the synthetic and the real Galaxy). The
+# medians of $\sin\theta$ exceed a hundredth from iterations {glue:text}`restarts_order_ours` (himap) and
+# {glue:text}`restarts_order_theirs` (authors' code) on.
 
 
 # %% tags=["hide-input"]
@@ -240,7 +241,8 @@ plotting.stamp(
 )
 
 # %% [markdown]
-# On the real Galaxy, compare the tails, which are the failed runs.
+# On the real Galaxy most runs fail with the floor of the code; with the floor at rounding the failed runs are
+# the tails.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed) as in the previous figure, on the real Galaxy."}}
 name = (others or [name])[0]
@@ -277,7 +279,8 @@ Table(
 #
 # The tables have the share of the members (skies times restarts; above it was one sky, with HEALPix pixels)
 # that fail, here by the mean at $10 < \ell < 200$ or up to the end of the maps, with the 2 sigma Wilson
-# interval, for the readings of {doc}`16_readings` and the numbers of sources of Table 1.
+# interval, for the readings of {doc}`16_readings` and the numbers of sources of Table 1. The default and the
+# letter differ beyond the last $\ell$ only: their shares differ by chance.
 
 # %% tags=["hide-input"]
 RESTARTS = find_experiment("restarts")
@@ -338,9 +341,10 @@ Table(["sky", "reading", *map(str, counts)], lines or [[NONE, *[""] * 11]], alig
 # (restarts-flags)=
 # ## Detecting a failure without the truth
 #
-# The table has the share of the failed runs that a flag detects, the share of the others that it flags, the
-# probability that a failed run has the larger value (one half: chance), and how often the restart with the
-# smallest value fails (for the distance from the others: the {term}`medoid`).
+# Over restarts of the readings default, `code` and `follow-up` together, the table has the share of the
+# failed runs that a flag detects, the share of the others that it flags, the probability that a failed run
+# has the larger value (one half: chance), and how often the restart with the smallest value fails (for the
+# distance from the others: the {term}`medoid`).
 
 # %% tags=["hide-input"]
 FLAGS = find_experiment("flags")
@@ -360,7 +364,7 @@ Table(head, rows or [[NONE, *[""] * 5]], align="llrrrr")
 # - **A stable iteration**: `SDecGMCA(thresholds="analytic", share=1, n_warmup=1, sign="free")` converges, after
 #   {glue:text}`restarts_settled` iterations, and restarts agree. It loses more HI at low $\ell$ than restarts
 #   of the default that do not fail, about as much as BeamSubspace with as many sources.
-# - **BeamSubspace** ({doc}`09_sdecgmca`) has the same mixture and is not chaotic.
+# - **BeamSubspace** ({doc}`09_sdecgmca`) has the same model of the data and is not chaotic.
 # - **An ensemble** with its median and range: `SDecGMCA(restart=k)`, or `--restarts` of `himap clean`.
 #
 # Median and range over {glue:text}`restarts_n_live` restarts run here.
@@ -435,8 +439,8 @@ else:
 #   result needs its scatter over restarts.
 # - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources,
 #   through $K$ and through thresholds from the MAD.
-# - Without the eigenvalue floor of $10^{-9}$ in the last step `code` rarely fails; the default and the letter,
-#   which have the same $\mathbf{A}$ and no such floor, fail more often.
+# - Without the eigenvalue floor of $10^{-9}$ in the last step `code` rarely fails; the default and the
+#   letter, with no such floor and an $\mathbf{A}$ that differs from that of `code`, fail more often.
 # - Without the truth, most failures show as a residual that follows the foreground, or is far from that of the
 #   medoid if that has not failed. The stopping rules flag all runs.
 #
