@@ -64,7 +64,7 @@ from IPython.display import Markdown
 
 from himap.app.stored import RESULTS
 from himap.figures import plotting
-from himap.figures.numbers import one_run, quote, quoted, show, show_table
+from himap.figures.numbers import of_restarts, one_run, quote, quoted, show, show_table
 from himap.figures.tables import Table
 from himap.measures.diagnostics import FAILING
 from himap.paper import ensembles
@@ -367,7 +367,7 @@ Table(head, rows or [[NONE, *[""] * 5]], align="llrrrr")
 # - **BeamSubspace** ({doc}`09_sdecgmca`) has the same model of the data and is not chaotic.
 # - **An ensemble** with its median and range: `SDecGMCA(restart=k)`, or `--restarts` of `himap clean`.
 #
-# Median and range over {glue:text}`restarts_n_live` restarts run here.
+# Medians of {glue:text}`restarts_n_live` restarts run here.
 
 # %% tags=["hide-input"]
 STABLE = {"thresholds": "analytic", "share": 1.0, "n_warmup": 1, "sign": "free"}
@@ -383,13 +383,13 @@ methods = {
 columns = {}
 for title, several in methods.items():
     bands = pd.DataFrame([study.bands(beam, one) for one in several])
-    low, middle, high = bands.min(), bands.median(), bands.max()
-    columns[title] = {
-        name: one_run(f"{middle[name]:.2f} ({low[name]:.2f}–{high[name]:.2f})")
+    tolerances = 0.01 * bands.median().clip(lower=1)
+    entries = [{name: (one[name], tolerances[name]) for name in bands} for _, one in bands.iterrows()]
+    columns[title] = (
+        of_restarts(entries)
         if several is live
-        else (middle[name], 0.01 * max(1, middle[name]))
-        for name in bands
-    }
+        else {name: (bands[name].median(), tolerances[name]) for name in bands}
+    )
 show_table({name: {title: one[name] for title, one in columns.items()} for name in bands})
 
 # %% tags=["hide-input"]

@@ -50,14 +50,13 @@ def in_short(method, nside, n_restarts=1):
     text += f", with {_few(silent)}" if silent else ""
     end = "up to" if method.beyond == "cut" else "continued beyond"
     caption = f"SDecGMCA: reading “{method.reading}” ({text}), {end} ℓ = {min(method.lmax, 2 * nside)}"
-    return caption if n_restarts == 1 else f"{caption}; {of_restarts(n_restarts)}"
+    return caption if n_restarts == 1 else f"{caption}; {_of_restarts(n_restarts, nside)}"
 
 
-def of_restarts(n):
-    """How `n` restarts are drawn, and when a restart fails: a clause."""
+def _of_restarts(n, nside):
     return (
         f"median, 16–84 % band and, thin, each of {n} restarts; a restart fails if its mean "
-        f"|C/C0 - 1| at 10 < ℓ < 200 exceeds {100 * FAILING:g} %"
+        f"|C/C0 - 1| at 10 < ℓ < {min(200, 2 * nside)} exceeds {100 * FAILING:g} %"
     )
 
 
