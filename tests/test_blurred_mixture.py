@@ -70,15 +70,17 @@ def test_noise_of_sources(small, rng):
     assert channels.source_noise(inverses) == pytest.approx(np.array(expected))
 
 
+@pytest.mark.parametrize("n_bright", [0, 2])
 @pytest.mark.parametrize("copied", [False, True])
-def test_modes_of_a_cube_do_as_an_array_does(small, rng, copied):
-    """They go further than the beams, and are made for one l after the other."""
+def test_modes_of_a_cube_do_as_an_array_does(small, rng, copied, n_bright):
+    """They go further than the beams, and are made for one l after the other, or copied."""
     channels, mixing = small
     further = np.hstack([channels.modes, rng.standard_normal((5, 9))])
-    axes, _ = np.linalg.qr(rng.standard_normal((5, 2)))
+    axes, _ = np.linalg.qr(rng.standard_normal((5, n_bright)))
     bright = axes.T @ further
     modes = CubeModes(spectra=axes, bright=bright, rest=(further - axes @ bright).astype(np.float32))
     made = replace(channels, modes=modes.by_degree(3) if copied else modes)
+    assert modes.upto(3) == pytest.approx(channels.modes, abs=1e-6)
     channels = replace(channels, modes=modes.upto(3))
     sources = rng.standard_normal((2, 16))
     inverses, window = channels.least_squares(mixing), np.ones(4)

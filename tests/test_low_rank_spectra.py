@@ -176,6 +176,15 @@ class TestPair:
         assert found.cl[:, SEEN] == pytest.approx(expected.cl[:, SEEN], rel=0.03)
         assert found.mean[SEEN] == pytest.approx(expected.mean[SEEN], rel=1e-3)
 
+    def test_a_function_does_as_the_coefficients_that_it_makes(self, pair, monkeypatch):
+        alms, error = masked_alms(pair[1]), difference(*pair)
+        made, true = alms.__getitem__, masked_power(alms)
+        monkeypatch.setattr(measures, "_CHANNELS", 5)
+        assert np.array_equal(recovered_power(made, error, true=true).cl, recovered_power(alms, error).cl)
+        for options in ({}, {"true": true, "mask": CUT}):
+            with pytest.raises(InputError, match="needs their spectrum, true=, and takes no mask"):
+                recovered_power(made, error, **options)
+
     @pytest.mark.parametrize("mask", [None, CUT, 0.5 + 0.5 * CUT, CUT * 0.5])
     def test_coefficients_of_the_unmasked_truth(self, pair, mask):
         """Little is masked, wholly or in part, or much: as if the masked truth were transformed."""

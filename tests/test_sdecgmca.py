@@ -12,6 +12,7 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.blurred_mixture import BlurredMixture
+from himap.removal.data import Data
 from himap.removal.sdecgmca.method import SDecGMCA, Step
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 from himap.removal.sdecgmca.scales import Scales
@@ -38,6 +39,12 @@ class TestSeparation:
         found = data.sources(data.inverses(mixing, 0))
         assert found == pytest.approx(sources, abs=2e-4 * np.abs(sources).max())
         assert data.fit(sources, np.ones(LMAX + 1)) == pytest.approx(mixing, abs=1e-4)
+
+    def test_its_problem_is_that_of_all_modes(self, problem):
+        data = Data(maps=problem[0], freqs=FREQS, beams=BEAMS, noise=0.5)
+        mixture, _, start = SDecGMCA(**QUICK).problem(data)
+        plain, inverses = replace(mixture, modes=data.modes.upto(mixture.lmax)), mixture.inverses(start, 1e-3)
+        assert mixture.sources(inverses) == pytest.approx(plain.sources(inverses), rel=1e-9)
 
     @pytest.mark.parametrize("reading", READINGS)
     def test_removes_a_noise_free_sky(self, problem, reading):

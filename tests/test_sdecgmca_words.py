@@ -60,3 +60,8 @@ SILENT = (
 )
 def test_words(of, options, words):
     assert words in of(SDecGMCA(**options), 64)
+
+
+def test_a_failure_is_judged_as_far_as_the_maps_go():
+    for nside, end in ((64, "10 < ℓ ≤ 128"), (128, "10 < ℓ < 200")):
+        assert f"|C/C0 - 1| at {end} exceeds 10 %" in in_short(SDecGMCA(), nside, n_restarts=4)

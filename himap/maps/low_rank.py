@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from himap.core.progress import progress
 
-_BLOCK = 1024  # pixels: float64 copies of 500 channels of them stay in the cache of a processor
+_BLOCK = 1024  # pixels: 4 MB in float64 for 500 channels, as much as a processor may have at hand
 _ROUNDING = 2.0**-25  # relative, of float32: its rms in the mean over all numbers
 _HARMLESS = 1e-3  # mK: a hundredth of HI
 

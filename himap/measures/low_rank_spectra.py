@@ -164,7 +164,7 @@ def masked_power(alms, mask=None):
     return decouple(sphere.power_spectrum(alms), mask_weights(mask, len(mask)))
 
 
-def recovered_power(truth_alms, error, *, mask=None, variance=None):
+def recovered_power(truth_alms, error, *, mask=None, true=None):
     """Angular power spectrum of a recovered cube, from the coefficients of the truth.
 
     Only the few maps of the error are transformed: alm(recovered) = alm(truth) + spectra @ alm(maps).
@@ -174,16 +174,15 @@ def recovered_power(truth_alms, error, *, mask=None, variance=None):
     truth_alms
         Coefficients (n_channels, n_alm) of the truth as `masked_alms` has them, or those that the truth was
         made from. In place of the truth any cube will do that differs from the recovered one by few spectra.
-        Without a mask they may end at any l, and the spectra end there. Or a function that makes those of a
-        slice of channels, with their `variance`: so many cubes need none of them as a whole.
+        Without a mask they may end at any l, and the spectra end there. Or, with `true`, a function of a
+        slice of channels that makes theirs, so that those of all channels are never in memory.
     error
         recovered - truth, a `LowRankCube` of `difference` or `LowRankCube.truncate`: products are in single
         precision, which terms that cancel would not survive.
     mask
         As in `angular_power`, that of `truth_alms`.
-    variance
-        Of the truth in each channel, (n_channels,), mK^2, which tells the terms of the error that are minor;
-        that of `truth_alms` unless given.
+    true
+        Their `AngularPower` at every l, without a mask, where it is known.
 
     Returns
     -------
@@ -195,19 +194,18 @@ def recovered_power(truth_alms, error, *, mask=None, variance=None):
     ------
     InputError
         A bad mask; coefficients that are not those of the channels of the error, or with a mask not to
-        3 nside - 1.
+        3 nside - 1; a function with a mask or without `true`.
     """
     n_channels, n_pix = len(error.spectra), error.maps.shape[1]
-    weights, some = mask_weights(mask, n_pix), truth_alms
-    if not callable(some):
+    weights, alms_of = mask_weights(mask, n_pix), truth_alms
+    if not callable(truth_alms):
         if mask is not None or np.ndim(truth_alms) != 2 or len(truth_alms) != n_channels:
             _check_alms(truth_alms, (n_channels, n_pix))
-        some = truth_alms.__getitem__
-    n_alm = some(slice(1)).shape[1]
-    lmax = sphere.lmax_of_size(n_alm)
-    if variance is None:
-        variance = sphere.power_spectrum(truth_alms) @ (2 * np.arange(lmax + 1) + 1) / (4 * np.pi)
-    alms = np.empty((len(error.maps), n_alm), dtype=np.complex64)
+        alms_of, true = truth_alms.__getitem__, true or masked_power(truth_alms)
+    elif true is None or mask is not None:
+        raise InputError("a function that makes coefficients needs their spectrum, true=, and takes no mask.")
+    lmax, variance = len(true.degrees) - 1, true.variance
+    alms = np.empty((len(error.maps), sphere.alm_size(lmax)), dtype=np.complex64)
     for spectrum, pixels, alm in zip(error.spectra.T, error.maps, alms, strict=True):
         maps = weighted(pixels, weights)
         # Of a term that is minor against the truth in every channel a rough analysis will do.
@@ -215,7 +213,7 @@ def recovered_power(truth_alms, error, *, mask=None, variance=None):
         alm[:] = sphere.analyse(maps.astype(np.float32), lmax, n_iter=0 if minor else sphere.N_ITER)
     pseudo = np.empty((n_channels, lmax + 1))
     for channels in progress(blocks(n_channels, _CHANNELS), "angular spectra"):
-        recovered = some(channels) + error.spectra[channels].astype(np.float32) @ alms
+        recovered = alms_of(channels) + error.spectra[channels].astype(np.float32) @ alms
         pseudo[channels] = sphere.power_spectrum(recovered)
     return decouple(pseudo, None if mask is None else weights)
 

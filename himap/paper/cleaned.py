@@ -5,7 +5,6 @@ and what is measured follows from these.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -123,7 +122,7 @@ def assessment(case, remover, mask_peaks=True):
     found = separation(case, remover, mask_peaks)
     wrong, lmax, width = error_of(case, found, mask_peaks), found.lmax, case.survey.channel_width
     truth, spectra, cut = pipeline.truth(case), pipeline.true_spectra(case), None
-    low, alms = truth, partial(pipeline.truth_alms, case, None)
+    low, alms = truth, pipeline.truth_alms_of(case)
     if lmax is not None:
         low, alms = _truth_upto(case, lmax)
         cut = pipeline.spectra_of(low, alms, case.survey)
@@ -133,7 +132,7 @@ def assessment(case, remover, mask_peaks=True):
         errors, correlation = _against_all(low, wrong, truth)
     return Assessment(
         power_spectra=PowerSpectra(
-            angular=recovered_power(alms, wrong, variance=(cut or spectra).angular.variance),
+            angular=recovered_power(alms, wrong, true=(cut or spectra).angular),
             frequency=moments.frequency_power((cut or spectra).frequency, width),
         ),
         correlation=correlation,

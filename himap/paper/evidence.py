@@ -134,7 +134,7 @@ def spectra_with(foreground, case, remover):
     true = pipeline.true_spectra(case)
     error = cleaned.difference(case, bright, separation.foreground)
     return PowerSpectra(
-        angular=recovered_power(pipeline.truth_alms(case), error),
+        angular=recovered_power(pipeline.truth_alms_of(case), error, true=true.angular),
         frequency=Moments.of(truth, error).frequency_power(true.frequency, survey.channel_width),
     )
 

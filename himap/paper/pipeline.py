@@ -215,17 +215,27 @@ def hi_seen(case):
 
 def truth_alms(case, lmax=None, channels=slice(None)):
     """Coefficients of the truth less its channel means, to 3 nside - 1 or `lmax`; complex64, not kept."""
+    return truth_alms_of(case, lmax)(channels)
+
+
+def truth_alms_of(case, lmax=None):
+    """A function that makes the `truth_alms` of a slice of channels."""
     windows = case.beam.of_survey(case.survey)
     sky, noise = hi_alms_of_sky(case.survey.sky), noise_alms(case.survey)
     lmax = case.survey.lmax if lmax is None else min(lmax, case.survey.lmax)
-    numbers = range(len(sky))[channels]
-    alms = np.empty((len(numbers), sphere.alm_size(lmax)), dtype=np.complex64)
-    for n, out in zip(numbers, alms, strict=True):
-        out[:] = sphere.multiply_beam(sphere.alms_upto(sky[n], lmax), windows.total[n])
-        low, resmoothing = sphere.alms_upto(noise[n], lmax), windows.resmoothing
-        out += low if resmoothing is None else sphere.multiply_beam(low, resmoothing[n])
-    alms[:, 0] = 0
-    return alms
+    total, resmoothing = windows.total, windows.resmoothing
+
+    def alms_of(channels):
+        numbers = range(len(sky))[channels]
+        alms = np.empty((len(numbers), sphere.alm_size(lmax)), dtype=np.complex64)
+        for n, out in zip(numbers, alms, strict=True):
+            out[:] = sphere.multiply_beam(sphere.alms_upto(sky[n], lmax), total[n])
+            low = sphere.alms_upto(noise[n], lmax)
+            out += low if resmoothing is None else sphere.multiply_beam(low, resmoothing[n])
+        alms[:, 0] = 0
+        return alms
+
+    return alms_of
 
 
 def truth(case, lmax=None, channels=slice(None)):

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from threadpoolctl import threadpool_limits
 
 from himap.core.progress import progress
@@ -49,15 +48,14 @@ class CubeModes:
         return self._modes(slice(degree**2, (degree + 1) ** 2))
 
     def by_degree(self, lmax):
-        """The `DegreeModes` of every l to `lmax`, a list, copied: for products that are done many times."""
+        """Copies of the modes of every l to `lmax`, a list of `DegreeModes`."""
+        # Imported here: most methods need no numba, which takes a second.
+        from himap.removal.degree_modes import DegreeModes
+
         blocks = [slice(degree**2, (degree + 1) ** 2) for degree in range(lmax + 1)]
+        bright, rest = ([np.ascontiguousarray(one[:, b]) for b in blocks] for one in (self.bright, self.rest))
         return [
-            DegreeModes(
-                spectra=self.spectra,
-                bright=self.bright[:, block],
-                rest=np.ascontiguousarray(self.rest[:, block]),
-            )
-            for block in blocks
+            DegreeModes(spectra=self.spectra, bright=b, rest=r) for b, r in zip(bright, rest, strict=True)
         ]
 
     def _modes(self, block, channels=slice(None)):
@@ -77,45 +75,6 @@ class CubeModes:
         modes = (rows @ self.spectra) @ self.bright[:, :n_modes]
         modes += rows.astype(np.float32) @ self.rest[:, :n_modes]
         return modes
-
-
-@dataclass(frozen=True, kw_only=True)
-class DegreeModes:
-    """The modes of one l of all channels, ``spectra @ bright + rest`` as in `CubeModes`.
-
-    `bright` is (n_bright, 2 l + 1), `rest` (n_channels, 2 l + 1), float32. ``rows @ modes`` and
-    ``modes @ columns`` are float64 products with the sum, which is not stored: products with few rows or
-    columns take as long as it takes to read the modes.
-    """
-
-    __array_ufunc__ = None  # so that numpy leaves products to this class
-
-    spectra: np.ndarray
-    bright: np.ndarray
-    rest: np.ndarray
-
-    def __rmatmul__(self, rows):
-        return (rows @ self.spectra) @ self.bright + rows @ self.rest.astype(np.float64)
-
-    def __matmul__(self, columns):
-        more = np.empty((len(self.rest), columns.shape[1]))
-        _products(self.rest, np.ascontiguousarray(columns.T, dtype=np.float64), more)
-        return self.spectra @ (self.bright @ columns) + more
-
-    def __array__(self, dtype=None, copy=None):
-        return np.asarray(self.spectra @ self.bright + self.rest, dtype=dtype)
-
-
-@njit(cache=True, fastmath={"reassoc", "contract"})
-def _products(rows, others, out):
-    """``rows @ others.T`` in float64, of (n, m) float32 and a few others, (k, m); twice as fast as BLAS."""
-    for i in range(rows.shape[0]):
-        row = rows[i]
-        for j in range(others.shape[0]):
-            other, total = others[j], 0.0
-            for k in range(row.size):
-                total += row[k] * other[k]
-            out[i, j] = total
 
 
 def cube_modes(maps, kept=None, covariance=None):

@@ -20,9 +20,9 @@ class BlurredMixture:
     Attributes
     ----------
     modes
-        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or the `DegreeModes` of each l;
-        or `CubeModes` to that l or further, whose modes of one l are made when they are needed, which takes
-        less memory.
+        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or a list with those of each l,
+        arrays or `DegreeModes`; or `CubeModes` to that l or further, whose modes of one l are made when they
+        are needed, which takes less memory.
     beams
         H_l, (n_channels, lmax + 1).
     noise

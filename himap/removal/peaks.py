@@ -16,7 +16,6 @@ from himap.maps.low_rank import blocks, in_threads
 from himap.removal.data import check_channels
 from himap.removal.weighted_pca import least_squares
 
-_BLOCK = 1024  # lines of sight at a time: the float64 copies of a block stay small
 _NORMAL = 1.4826  # standard deviation over median absolute deviation
 
 SPREADS = {
@@ -144,7 +143,7 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
             rest = np.where(out, 0, shares)[:, clipped]
             second[:, block][:, clipped] += least_squares(basis, lines[:, clipped], rest)
 
-    in_threads(fit, maps.shape[1], "peak masking", _BLOCK)
+    in_threads(fit, maps.shape[1], "peak masking")
     return Baselines(basis=basis, first=first, second=second, flagged=flagged)
 
 
@@ -168,7 +167,7 @@ def _deviation_of_sky(maps, basis, spread, weights):
     if spread == "mad":
         return None
     squares = np.zeros((len(maps), 1))
-    for block in blocks(maps.shape[1], _BLOCK):
+    for block in blocks(maps.shape[1]):
         lines = maps[:, block].astype(np.float64)
         lines -= basis @ (basis.T @ lines)
         squares += np.sum(lines**2, axis=1, keepdims=True)
