@@ -7,6 +7,7 @@ from threadpoolctl import threadpool_limits
 from himap.core.progress import progress
 from himap.maps.low_rank import blocks
 
+_BLOCK = 16384  # pixels: products that are bound by arithmetic, so that longer ones are no slower
 _BRIGHT = 1e3  # variance over that of HI and noise
 _RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
@@ -22,7 +23,7 @@ def channel_covariance(maps):
     mean = maps.mean(axis=1, dtype=np.float64)[:, None]
     total = np.zeros((n_channels, n_channels))
     with threadpool_limits(1, user_api="blas"):
-        for block in progress(blocks(n_pix), "channel covariance"):
+        for block in progress(blocks(n_pix, _BLOCK), "channel covariance"):
             lines = maps[:, block] - mean
             total += lines @ lines.T
     return total / n_pix
