@@ -197,7 +197,7 @@ claims_of(2)
 # FastICA do so only where HI is brighter.** The beam adds spectral modes to the foreground at the highest
 # multipoles: in the median member the worst of these three methods has 95 % of its multipoles within
 # {glue:text}`answer_evolving` of the truth at `laptop`, within {glue:text}`answer_evolving_pictures` at the
-# paper's size with the box of the pictures and within {glue:text}`answer_evolving_large` with the paper's
+# paper's size with the box of the figures and within {glue:text}`answer_evolving_large` with the paper's
 # box (one run, in an earlier reading of SDecGMCA). HI is brighter in finer cells, pixels
 # and channels: the decimal logarithm of the rms of the foregrounds over that of HI
 # is {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. A

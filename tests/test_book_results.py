@@ -1,6 +1,8 @@
 """The chapters of what was measured once say what the files in book/results say."""
 
+import json
 import re
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -309,3 +311,28 @@ def test_pictures_lead_to_themselves_in_full_size(html):
         with Image.open(pages / full) as picture:
             assert picture.width >= 600
     assert "pasted-text" in page
+
+
+def git(*arguments, given=None):
+    """What git prints of this checkout."""
+    command = ["git", "-C", str(ROOT), *arguments]
+    return subprocess.run(command, input=given, capture_output=True, text=True, check=True).stdout
+
+
+def test_stored_results_are_of_commits_that_there_are():
+    """A reader can look at the code that measured them."""
+    try:
+        complete = git("rev-parse", "--is-shallow-repository").strip() == "false"
+    except (OSError, subprocess.CalledProcessError):
+        complete = False
+    if not complete:
+        pytest.skip("the history of this checkout is not complete")
+    commits = {}
+    for path in RESULTS.glob("*.json"):
+        about = json.loads(path.read_text()).get("about", {})
+        for commit in filter(None, [about.get("commit"), *about.get("grown", [])]):
+            commits.setdefault(commit, []).append(path.name)
+    asked = "".join(f"{commit}^{{commit}}\n" for commit in commits)
+    answers = git("cat-file", "--batch-check", given=asked).splitlines()
+    pairs = zip(commits.items(), answers, strict=True)
+    assert commits and not [found for found, answer in pairs if answer.endswith(("missing", "ambiguous"))]
