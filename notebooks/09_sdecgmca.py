@@ -204,8 +204,8 @@ sources_figure(study, selected, medoid, most=4)
 channel_figure(study, selected, medoid)
 
 # %% [markdown]
-# With the degraded beam all restarts agree and $C/C_0$ is below 1. With the other two some restarts fail and
-# have foreground residual at most multipoles. The others lose most at the lowest $\ell$ and are near 1 above;
+# With the degraded beam all restarts agree and $C/C_0$ is below 1. With the other two a restart may fail,
+# with foreground residual at many multipoles. The others lose most at the lowest $\ell$ and are near 1 above;
 # the paper has an excess at the lowest $\ell$ with the oscillating beam.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}

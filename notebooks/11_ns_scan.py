@@ -506,10 +506,10 @@ show(unconverged)
 #
 # - The best $n_s$ is defined by the truth, here on a single sky; {doc}`22_how_many` tests criteria without
 #   it.
-# - The minima of SDecGMCA's restarts are at {glue:text}`scan_best` sources. That of PCA, at
-#   {glue:text}`scan_best_beside`, is {glue:text}`scan_beside_over_best` times as large, but below the median
-#   of the restarts at every $n_s$. With 5 sources the total MSE is {glue:text}`scan_error_five` for SDecGMCA
-#   and {glue:text}`scan_error_five_beside` for PCA.
+# - The minima of SDecGMCA's restarts, each the best of {glue:text}`scan_tried` runs, are at
+#   {glue:text}`scan_best` sources. That of PCA, at {glue:text}`scan_best_beside`, is
+#   {glue:text}`scan_beside_over_best` times as large; which is lower depends on the restarts. With 5 sources
+#   the total MSE is {glue:text}`scan_error_five` for SDecGMCA and {glue:text}`scan_error_five_beside` for PCA.
 # - For PCA without foreground residual each source costs about a share $1/N_\nu$ of the power, more at low
 #   $k_\nu$ and low $\ell$.
 #

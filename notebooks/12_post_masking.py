@@ -206,8 +206,8 @@ quote(
 )
 
 # %% [markdown]
-# The flags of the medoid are in the brightest part of the Galactic plane, as in the paper, and in patches and
-# on single lines elsewhere; other restarts flag more or fewer.
+# Flags are mostly in the brightest part of the Galactic plane, as in the paper. How many there are, and whether
+# some lie elsewhere, differs between restarts.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (yellow; the paper's Fig. 5, right). This run flags {glue:text}`post_shown_share` of the sky, rank {glue:text}`post_shown_rank` among the restarts (1: most)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
