@@ -11,7 +11,14 @@ from himap.maps import sphere
 from himap.maps.low_rank import projection
 from himap.removal import harmonic
 from himap.removal.analysis import cube_modes
-from himap.removal.spectral_filter import SpectralFilter, filtered, on_sky, seen_through, through_beams
+from himap.removal.spectral_filter import (
+    SpectralFilter,
+    combined,
+    filtered,
+    on_sky,
+    seen_through,
+    through_beams,
+)
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +49,24 @@ class TestFilter:
         linear, modes = some_filter(rng, len(sky.maps), LMAX), cube_modes(sky.maps)
         expected = modes.upto(LMAX)
         for degree, block in enumerate(harmonic.blocks(expected)):
-            assert modes.at(degree) == pytest.approx(block)
+            assert np.array(modes.at(degree)) == pytest.approx(block)
             block[:] = linear.spectra[degree] @ linear.estimators[degree] @ block
         expected = np.array([sphere.synthesise(alm, NSIDE) for alm in harmonic.from_modes(expected)])
         assert np.std(foreground(linear, sky.maps) - expected) < 1e-3 * np.std(expected)
+
+    def test_other_sources_at_the_first_multipoles(self, sky, rng):
+        """In place of G_l X_l, on maps with a bright part: W_l times the difference is what changes."""
+        linear, modes = some_filter(rng, len(sky.maps), LMAX), cube_modes(sky.maps)
+        more = rng.standard_normal((2, 10**2))
+        low = more.copy()
+        for degree, out in enumerate(harmonic.blocks(low)):
+            out += linear.estimators[degree] @ modes.at(degree)
+        project = partial(projection, maps=sky.maps)
+        found, without = (
+            filtered(linear.spectra, linear.estimators, project, modes, one).cube() for one in (low, None)
+        )
+        expected = on_sky(combined(more, linear.spectra[:10]), NSIDE).cube()
+        assert found - without == pytest.approx(expected, abs=1e-3)
 
     def test_beyond_the_last_multipole_it_goes_on_as_there(self, rng):
         """A map of all l that the pixels hold, and a filter that is the same at every l."""

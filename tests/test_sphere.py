@@ -34,6 +34,17 @@ def test_against_healpy(pixels):
     assert sphere.power_spectrum(ours)[1] == pytest.approx(hp.alm2cl(theirs), rel=1e-10)
 
 
+@pytest.mark.parametrize("n_iter", [0, 3])
+def test_maps_of_a_few_pixels(pixels, rng, n_iter):
+    """Only the rings that hold them are transformed at first; in a refinement all."""
+    few = rng.choice(len(pixels), 20, replace=False)
+    field = np.zeros_like(pixels)
+    field[few] = pixels[few]
+    assert len(sphere._rings_of(NSIDE, few)["theta"]) <= 20
+    theirs = hp.map2alm(field, iter=n_iter)
+    assert sphere.analyse(field, n_iter=n_iter, pixels=few) == pytest.approx(theirs, abs=1e-12)
+
+
 def test_float32_in_float32_out(pixels):
     alm32 = sphere.analyse(pixels.astype(np.float32))
     assert alm32.dtype == np.complex64

@@ -106,6 +106,12 @@ def _geometry(nside):
     return ducc0.healpix.Healpix_Base(nside, "RING").sht_info()
 
 
+def _rings_of(nside, pixels):
+    """Those of `_geometry` that hold some pixels, given by their numbers."""
+    numbers = np.unique(hp.pix2ring(nside, pixels)) - 1
+    return {name: values[numbers] for name, values in _geometry(nside).items()}
+
+
 def synthesise(alm, nside):
     """Map of harmonic coefficients: (..., n_alm) to (..., n_pix), float32 for complex64."""
     alm = np.asarray(alm)
@@ -118,11 +124,12 @@ def synthesise(alm, nside):
     return maps.reshape(*alm.shape[:-1], 12 * nside**2)
 
 
-def analyse(maps, lmax=None, *, n_iter=N_ITER):
+def analyse(maps, lmax=None, *, n_iter=N_ITER, pixels=None):
     """Harmonic coefficients of maps: (..., n_pix) to (..., n_alm).
 
     HEALPix has no exact quadrature; each of `n_iter` refinements adds the coefficients of the residual, as
-    those of healpy's map2alm do. `lmax` is 3 nside - 1 unless given.
+    those of healpy's map2alm do. `lmax` is 3 nside - 1 unless given. Maps that are 0 but in some `pixels`,
+    their numbers, take less time without refinements: only the rings with these are transformed.
     """
     maps = np.asarray(maps)
     nside = nside_of(maps)
@@ -130,11 +137,14 @@ def analyse(maps, lmax=None, *, n_iter=N_ITER):
     flat = maps.reshape(-1, maps.shape[-1])
     real = np.float32 if maps.dtype == np.float32 else np.float64
     alms = np.zeros((len(flat), alm_size(lmax)), dtype=np.result_type(real, 1j))
+    rings = _geometry(nside) if pixels is None else _rings_of(nside, pixels)
     rows = progress(flat, "analysis") if len(flat) > 1 else flat
     for row, alm in zip(rows, alms, strict=True):
         for turn in range(n_iter + 1):
             residual = row - synthesise(alm, nside) if turn else row.astype(real)
-            alm += 4 * np.pi / len(row) * _adjoint_synthesis(residual, lmax, _geometry(nside))
+            alm += (
+                4 * np.pi / len(row) * _adjoint_synthesis(residual, lmax, _geometry(nside) if turn else rings)
+            )
     return alms.reshape(*maps.shape[:-1], -1)
 
 

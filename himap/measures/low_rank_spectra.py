@@ -152,7 +152,7 @@ def masked_alms(maps, *, mask=None, alms=None):
         mean = (total - shares @ some) / weights.sum()
         alm[0] = np.sqrt(4 * np.pi) * (total / len(pixels) - mean)
         field[removed] = shares * (some - mean)
-        alm -= sphere.analyse(field, n_iter=0)
+        alm -= sphere.analyse(field, n_iter=0, pixels=removed)
     return out
 
 

@@ -1,7 +1,7 @@
 """Harmonic analysis of a cube, once for all that is asked of it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -19,6 +19,43 @@ _FAINT = 0.25  # quantile of the variances, HI and noise unless three quarters o
 _CLOSE = 0.3  # of the level of HI and noise: how well the maps of what is bright are reproduced
 _DIGITS = 1e-6  # of a map: beyond, float32 has none
 _FINE = 64  # nside from which plain quadrature is good to 0.2 % of a coefficient; at 16 it is to 1 %
+
+
+@dataclass(frozen=True, kw_only=True)
+class DegreeModes:
+    """The modes X_l of all channels at one l, mK, ``spectra @ bright + rest`` as in `CubeModes`.
+
+    They know two products, ``rows @ modes`` and ``modes @ columns``, in float64 without the sum in memory;
+    `numpy.array` makes the sum, (n_channels, 2 l + 1) float64.
+
+    Attributes
+    ----------
+    spectra, bright, rest
+        (n_channels, n_bright) and (n_bright, 2 l + 1), float64; (n_channels, 2 l + 1), float32.
+    """
+
+    __array_ufunc__ = None  # so that numpy leaves products to this class
+
+    spectra: np.ndarray
+    bright: np.ndarray
+    rest: np.ndarray
+
+    def __rmatmul__(self, rows):
+        return (rows @ self.spectra) @ self.bright + rows @ self.rest.astype(np.float64)
+
+    def __matmul__(self, columns):
+        # Imported here: most methods need no numba, which takes a second.
+        from himap.removal.products import add_products
+
+        product = self.spectra @ (self.bright @ columns)
+        rest = np.ascontiguousarray(self.rest)
+        add_products(rest, np.ascontiguousarray(columns.T, dtype=np.float64), product)
+        return product
+
+    def __array__(self, dtype=None, copy=None):
+        if copy is False:
+            raise ValueError("the modes of one l are a sum that is made when it is asked for: a copy")
+        return np.asarray(self.spectra @ self.bright + self.rest, dtype=dtype)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,27 +78,22 @@ class CubeModes:
 
     def upto(self, lmax, channels=slice(None)):
         """The modes of all channels, or some, to `lmax`, (n_channels, (lmax + 1)^2) float64."""
-        return self._modes(slice((lmax + 1) ** 2), channels)
-
-    def at(self, degree):
-        """The modes of one l, (n_channels, 2 l + 1) float64."""
-        return self._modes(slice(degree**2, (degree + 1) ** 2))
-
-    def by_degree(self, lmax):
-        """Copies of the modes of every l to `lmax`, a list of `DegreeModes`."""
-        # Imported here: most methods need no numba, which takes a second.
-        from himap.removal.degree_modes import DegreeModes
-
-        blocks = [slice(degree**2, (degree + 1) ** 2) for degree in range(lmax + 1)]
-        bright, rest = ([np.ascontiguousarray(one[:, b]) for b in blocks] for one in (self.bright, self.rest))
-        return [
-            DegreeModes(spectra=self.spectra, bright=b, rest=r) for b, r in zip(bright, rest, strict=True)
-        ]
-
-    def _modes(self, block, channels=slice(None)):
+        block = slice((lmax + 1) ** 2)
         modes = self.spectra[channels] @ self.bright[:, block]
         modes += self.rest[channels, block]
         return modes
+
+    def at(self, degree):
+        """The `DegreeModes` of one l, views."""
+        block = slice(degree**2, (degree + 1) ** 2)
+        return DegreeModes(spectra=self.spectra, bright=self.bright[:, block], rest=self.rest[:, block])
+
+    def by_degree(self, lmax):
+        """Copies of those of every l to `lmax`, a list, for products that are made again and again."""
+        views = map(self.at, range(lmax + 1))
+        return [
+            replace(one, bright=one.bright.copy(order="C"), rest=one.rest.copy(order="C")) for one in views
+        ]
 
     def low_cube(self, lmax, channels=slice(None)):
         """The maps of all channels, or some, up to `lmax`, (n_channels, n_pix) float32."""

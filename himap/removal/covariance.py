@@ -9,7 +9,7 @@ from himap.maps.low_rank import blocks
 
 _BLOCK = 16384  # pixels: products that are bound by arithmetic, so that longer ones are no slower
 _BRIGHT = 1e3  # variance over that of HI and noise
-_RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
+_RANK = 1e-12  # spectra below this share of the largest do not reach the last digit of a mode of HI
 
 
 def channel_covariance(maps):

@@ -157,7 +157,7 @@ def _scaled(modes, band, product, seen):
     """
     power, expected = 0, 0
     for degree in range(max(band[0], 1), band[1] + 1):
-        data, smooth = modes.at(degree), np.linalg.qr(seen[degree])[0]
+        data, smooth = np.array(modes.at(degree)), np.linalg.qr(seen[degree])[0]
         power += np.sum((data - smooth @ (smooth.T @ data)) ** 2)
         expected += data.shape[1] * (np.trace(product) - np.sum(smooth * (product @ smooth)))
     return product * (power / expected)
@@ -171,7 +171,7 @@ def _amplitudes(modes, band, seen, faint, product):
     """
     noise, total, n_modes = 0, 0, 0
     for degree in range(max(band[0], 1), band[1] + 1):
-        data, weighted = modes.at(degree), np.linalg.solve(faint, seen[degree])
+        data, weighted = np.array(modes.at(degree)), np.linalg.solve(faint, seen[degree])
         estimator = np.linalg.solve(seen[degree].T @ weighted, weighted.T)
         amplitudes = estimator @ data
         noise = noise + data.shape[1] * (estimator @ product @ estimator.T)

@@ -82,7 +82,7 @@ class SmoothSpectra(ForegroundRemover):
         seen = smooth_seen(data, self.n_smooth)
         edges, bands = multipole_bands(len(seen) - 1), []
         for first, last in progress(edges, self.name):
-            blocks = [modes.at(degree) for degree in range(first, last + 1)]
+            blocks = [np.array(modes.at(degree)) for degree in range(first, last + 1)]
             try:
                 bands.append(_settled(blocks, seen[first : last + 1], freqs, rounding, self.n_sources))
             except np.linalg.LinAlgError:

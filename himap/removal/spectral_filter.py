@@ -36,22 +36,24 @@ class SpectralFilter:
         return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
 
 
-def filtered(spectra, estimators, project, modes):
+def filtered(spectra, estimators, project, modes, low=None):
     """W_l G_l X_l of maps at every l, a `LowRankCube`; beyond the last l they are filtered as there.
 
     Of W_l, (n_l, n_channels, n), and G_l, (n_l, n, n_channels), and maps, (n_channels, n_pix), mK, RING, less
     their channel means: ``project(rows)`` is ``rows @ maps``, as of `Data.project`, and `modes` are their
-    `CubeModes`. All W_l lie in a space of a few dozen spectra, so few maps are transformed back.
+    `CubeModes`. In place of the first G_l X_l may be others, `low`, real modes (n, n_low).
     """
-    axes = common_axes(spectra)
-    within = axes.T @ spectra
-    foreground = within[-1] @ project(estimators[-1])
-    more = np.empty((axes.shape[1], len(spectra) ** 2))
-    for degree, out in enumerate(harmonic.blocks(more)):
-        data = modes.at(degree)
-        out[:] = within[degree] @ (estimators[degree] @ data) - within[-1] @ (estimators[-1] @ data)
-    foreground += harmonic.synthesise(more, sphere.nside_of(foreground))
-    return LowRankCube(spectra=axes, maps=foreground)
+    last, size = estimators[-1], estimators.shape[1]
+    sources = np.empty((2 * size, len(spectra) ** 2))
+    for degree, out in enumerate(harmonic.blocks(sources)):
+        out[:] = np.concatenate([estimators[degree], last]) @ modes.at(degree)
+    sources, as_last = np.split(sources, 2)
+    beyond = project(last)
+    beyond -= harmonic.synthesise(as_last, sphere.nside_of(beyond))
+    if low is not None:
+        sources[:, : low.shape[1]] = low
+    foreground = on_sky(combined(sources, spectra), sphere.nside_of(beyond))
+    return foreground + LowRankCube(spectra=spectra[-1], maps=beyond)
 
 
 def through_beams(project, space, beams, modes):
@@ -67,18 +69,25 @@ def through_beams(project, space, beams, modes):
     return filtered(bases, np.swapaxes(bases, 1, 2), project, modes)
 
 
-def seen_through(sources, mixing, beams):
-    """Sources mixed and seen through beams, diag(beams_l) A S_l, in few spectra: a `HarmonicModes`, mK.
+def combined(sources, spectra):
+    """W_l S_l in as few spectra as they need, a `HarmonicModes`, mK.
 
-    S are real modes, (n_sources, (lmax + 1)^2), A is (n_channels, n_sources), b_l (n_channels, lmax + 1).
+    S are real modes, (n, (lmax + 1)^2), W_l is (n_l, n_channels, n).
     """
-    matrices, blocks = beams.T[:, :, None] * mixing, harmonic.blocks(sources)
-    pairs = zip(matrices, blocks, strict=True)
-    spectra = common_axes([matrix @ np.linalg.qr(block.T, mode="r").T for matrix, block in pairs])
-    seen = np.empty((spectra.shape[1], sources.shape[1]))
-    for matrix, source, out in zip(spectra.T @ matrices, blocks, harmonic.blocks(seen), strict=True):
-        np.matmul(matrix, source, out=out)
-    return HarmonicModes(spectra=spectra, alms=harmonic.from_modes(seen))
+    pairs = list(zip(spectra, harmonic.blocks(sources), strict=True))
+    axes = common_axes([matrix @ np.linalg.qr(block.T, mode="r").T for matrix, block in pairs])
+    out = np.empty((axes.shape[1], sources.shape[1]))
+    for (matrix, block), into in zip(pairs, harmonic.blocks(out), strict=True):
+        np.matmul(axes.T @ matrix, block, out=into)
+    return HarmonicModes(spectra=axes, alms=harmonic.from_modes(out))
+
+
+def seen_through(sources, mixing, beams):
+    """Sources mixed and seen through beams, diag(beams_l) A S_l, as of `combined`.
+
+    A is (n_channels, n_sources), b_l (n_channels, lmax + 1).
+    """
+    return combined(sources, beams.T[:, :, None] * mixing)
 
 
 def on_sky(modes, nside, lmax=None):

@@ -15,7 +15,7 @@ from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 from himap.removal.sdecgmca.scales import Scales
 from himap.removal.separation import ordered
-from himap.removal.spectral_filter import on_sky, seen_through, through_beams
+from himap.removal.spectral_filter import filtered, on_sky, seen_through
 
 _MOST_MORE = 50  # iterations of the warm-up beyond its least number, and of the refinement, as in C21's code
 _LAST_MOST = 25  # turns of the last S
@@ -201,11 +201,11 @@ class SDecGMCA(ForegroundRemover):
         sources, epsilon = self.last_sources(mixture, Scales(self, lmax, nside), fit.mixing, fit.sources)
         if self.beyond != "projection":
             low_rank = on_sky(seen_through(sources, fit.mixing, mixture.beams), nside)
-        else:  # all l by projection, and up to lmax what the last S is more than that
-            low_rank = through_beams(data.project, fit.mixing, data.beams, data.modes)
-            if self.last != "unregularised":
-                more = sources - mixture.sources(mixture.least_squares(fit.mixing))
-                low_rank += on_sky(seen_through(more, fit.mixing, mixture.beams), nside)
+        else:
+            wide = self._mixture(data, min(data.modes.lmax, data.beams.shape[1] - 1), data.modes)
+            spectra, estimators = wide.matrices(fit.mixing), wide.least_squares(fit.mixing)
+            low = None if self.last == "unregularised" else sources
+            low_rank = filtered(spectra, estimators, data.project, data.modes, low)
         mixing, sources = ordered(fit.mixing, sources)
         return Separation(
             low_rank=low_rank,
