@@ -125,6 +125,7 @@ def masked_alms(maps, *, mask=None, alms=None):
     alms
         Coefficients of the maps without a mask, to 3 nside - 1, where they are known: if the mask keeps
         most of the sky, only what it removes is transformed. That is little: plain quadrature does for it.
+        Or a function of a slice of channels that makes theirs, which needs no copy of them.
 
     Raises
     ------
@@ -135,14 +136,16 @@ def masked_alms(maps, *, mask=None, alms=None):
     maps, weights = checked_maps(maps, mask)
     if alms is not None:
         checked_maps(maps, None)
-        _check_alms(alms, maps.shape)
+        made = alms(slice(None)) if callable(alms) else alms
+        _check_alms(made, maps.shape)
     kind = np.result_type(maps.dtype, np.complex64)
     if alms is None or weights.mean() < _MOST:
         out = np.empty((len(maps), sphere.alm_size(3 * sphere.nside_of(maps) - 1)), dtype=kind)
         for pixels, alm in zip(progress(maps, "analysis"), out, strict=True):
             alm[:] = sphere.analyse(weighted(pixels, weights).astype(maps.dtype))
         return out
-    out, removed = alms.astype(np.result_type(alms, kind)), np.flatnonzero(weights < 1)
+    out = made.astype(np.result_type(made, kind), copy=made is alms)
+    removed = np.flatnonzero(weights < 1)
     if not len(removed):
         out[:, 0] = 0
         return out

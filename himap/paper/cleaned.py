@@ -146,10 +146,8 @@ def assessment(case, remover, mask_peaks=True):
 
 
 def _truth_upto(case, lmax):
-    """The truth up to `lmax`, or all of it, and its coefficients."""
+    """The truth up to `lmax`, and its coefficients."""
     alms = pipeline.truth_alms(case, lmax)
-    if lmax is None:
-        return pipeline.truth(case), alms
     return sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="truth"), alms
 
 
@@ -161,8 +159,9 @@ def post_masked(case, remover, mask_peaks=True):
     """
     lmax, known = separation(case, remover, mask_peaks).lmax, assessment(case, remover, mask_peaks)
     removed, width = diagnostics.flagged_lines(known.line_errors), case.survey.channel_width
-    wrong, (truth, alms) = error(case, remover, mask_peaks), _truth_upto(case, None)
-    seen, total = masked_alms(truth, mask=~removed, alms=alms), pipeline.true_spectra(case).frequency
+    wrong, truth = error(case, remover, mask_peaks), pipeline.truth(case)
+    seen = masked_alms(truth, mask=~removed, alms=pipeline.truth_alms_of(case))
+    total = pipeline.true_spectra(case).frequency
     true = PowerSpectra(
         angular=masked_power(seen, ~removed),
         frequency=frequency_power_without(total, removed, width, truth),
