@@ -7,12 +7,13 @@ import pytest
 from sparse_problem import BEAMS, NSIDE, make_problem
 
 from himap.maps import sphere
-from himap.removal import PCA, BeamSubspace, FastICA, analysis
+from himap.removal import PCA, BeamSubspace, FastICA, SDecGMCA, analysis
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
-from himap.removal.peaks import mask_peaks
+from himap.removal.peaks import SPREADS, mask_peaks
 
 FREQS = np.linspace(900, 1400, 8)
+SDECGMCA = SDecGMCA(n_sources=2, thresholds="analytic", n_warmup=2, n_refinement=1)
 KEPT = np.abs(sphere.pixel_latitude(NSIDE)) > 15
 
 
@@ -106,10 +107,26 @@ class TestCleaning:
         cleaning, given = Cleaning.of(data, PCA(n_sources=2), peaks=False), {"freqs": FREQS}
         fewer = cleaning.with_sources(1).residual
         assert np.array_equal(fewer, PCA(n_sources=1).clean(maps, **given).residual)
-        method = BeamSubspace(n_sources=2)
-        changed = cleaning.with_method(method).with_beams(BEAMS**1.1).residual
-        assert np.array_equal(changed, method.clean(maps, beams=BEAMS**1.1, **given).residual)
         assert cleaning.with_mock(mock).basis.noise == pytest.approx(0.1 * np.sqrt(2))
+
+    @pytest.mark.parametrize("method", [BeamSubspace(n_sources=2), SDECGMCA])
+    def test_with_other_beams_or_noise_nothing_is_kept_of_the_first(self, data, method):
+        """But the modes of the maps; SDecGMCA has an A to be found, which depends on both."""
+        cleaning = Cleaning.of(data, method, peaks=False)
+        first = cleaning.separation.mixing
+        expected = method.separate(replace(data, beams=BEAMS**1.1, known={})).mixing
+        assert np.array_equal(cleaning.with_beams(BEAMS**1.1).separation.mixing, expected)
+        noisier = method.separate(replace(data, noise=2.0)).mixing
+        assert np.array_equal(noisier, method.separate(replace(data, noise=2.0, known={})).mixing)
+        assert not np.array_equal(first, expected)
+        assert np.array_equal(first, noisier) == (method is not SDECGMCA)
+
+    @pytest.mark.parametrize("spread", SPREADS)
+    def test_peaks_are_masked_again_in_the_same_deviation(self, spiked, spread):
+        masked = replace(spiked, maps=mask_peaks(spiked.maps, spiked.freqs, spread=spread).maps)
+        cleaning = Cleaning(data=spiked, method=PCA(), basis=masked, spread=spread)
+        again = cleaning.with_mock(np.zeros_like(spiked.maps))
+        assert np.array_equal(again.basis.maps, masked.maps)
 
     @pytest.mark.parametrize("method", [PCA(n_sources=2), BeamSubspace(n_sources=2)])
     def test_on_a_mask(self, data, maps, method):

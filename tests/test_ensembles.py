@@ -75,7 +75,7 @@ def of_restarts(errors, **changed):
 def test_failures_by_reading_case_and_number_of_sources():
     rows = pd.concat(
         [
-            of_restarts([0.05, 0.2, 0.3, 0.099]),
+            of_restarts([0.05, 0.2, np.nan, 0.099]),
             of_restarts([0.5, 0.01], seed=8),
             of_restarts([0.01, 0.02], reading="letter"),
             of_restarts([9.0] * 4, quantity="bump"),

@@ -63,10 +63,13 @@ def test_another_beam_in_the_place_of_the_oscillating_one():
 def test_noise_is_that_of_the_paper_s_pixels_and_channels(reading):
     """Noise is white, C_l = sigma^2 Omega_pixel, and no beam smooths it but the degraded one."""
     sky = replace(SKY, survey=replace(SURVEY, noise_reading=reading))
-    noise = sky.noise_over_hi("evolving").angular
+    found = sky.noise_over_hi("evolving")
+    noise = found.angular
     paper = replace(PRESETS["paper"], noise_reading=reading)
     expected = np.mean(noise_sigma(paper) ** 2) * 4 * np.pi / paper.n_pix
     assert np.average(noise, weights=2 * np.arange(len(noise)) + 5) == pytest.approx(expected, rel=0.05)
+    expected = np.mean(noise_sigma(paper) ** 2) * paper.channel_width
+    assert np.mean(found.frequency) == pytest.approx(expected, rel=0.05)
 
 
 def test_choices_that_do_not_concern_sdecgmca():

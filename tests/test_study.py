@@ -131,6 +131,7 @@ def test_a_run_fails_by_its_mean_error_above_10():
 
     assert not run(np.where(degrees <= 10, 1e3, 0.95)).fails  # low l are not asked
     assert run(np.where(degrees > 10, 0.8, 1.0)).fails
+    assert run(np.where(degrees > 10, np.nan, 1.0)).fails
 
 
 @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")

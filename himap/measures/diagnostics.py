@@ -253,9 +253,9 @@ class Comparison:
 
     @property
     def fails(self):
-        """Whether the mean |C/C0 - 1| for 10 < l < 200 is above `FAILING`; never where l ends before."""
+        """Whether the mean |C/C0 - 1| for 10 < l < 200 is not within `FAILING`; never where l ends before."""
         inside = _within(self.degrees, 10, 200)
-        return bool(inside.any() and np.abs(self.angular_ratio[inside] - 1).mean() > FAILING)
+        return bool(inside.any() and not np.abs(self.angular_ratio[inside] - 1).mean() <= FAILING)
 
     def in_bins_of(self, other):
         """With C_l averaged over the bins of `other`, all of one width, as far as this one covers them."""

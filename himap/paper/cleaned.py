@@ -43,8 +43,10 @@ def cleaning(case, remover, mask_peaks=True):
     basis.known["covariance"] = lambda: pipeline.covariance(case, mask_peaks)
     basis.known["modes"] = lambda: pipeline.analysis(case, mask_peaks)
     if hasattr(remover, "iteration"):  # named by no class, or an edit of that would make all stale
-        basis.known[remover.iteration] = lambda: fit(case, remover.iteration, mask_peaks)
-    return Cleaning(data=data, method=remover, basis=basis)
+        key = basis.key_of(remover.iteration)
+        basis.known[key] = lambda: fit(case, remover.iteration, mask_peaks)
+    spread = mask_peaks if isinstance(mask_peaks, str) else "line"
+    return Cleaning(data=data, method=remover, basis=basis, spread=spread)
 
 
 def data_of(case, maps, seed=None):
@@ -59,7 +61,7 @@ def data_of(case, maps, seed=None):
 def fit(case, remover, mask_peaks=True):
     """The last `Step` of a case by an `SDecGMCA.iteration`, which readings of its last S share."""
     data = cleaning(case, remover, mask_peaks).basis
-    del data.known[remover]  # which is this product
+    del data.known[data.key_of(remover)]  # which is this product
     with threadpool_limits(1, user_api="blas"):
         return remover.fit(data)
 

@@ -144,7 +144,7 @@ def failures(rows):
     "high", the Wilson interval of the probability, two sigma.
     """
     errors = rows[rows["quantity"] == "mean error"]
-    runs = errors.assign(failed=errors["value"] > FAILING).groupby(_RUN, sort=False)
+    runs = errors.assign(failed=~(errors["value"] <= FAILING)).groupby(_RUN, sort=False)
     counts = {"failed": ("failed", "sum"), "members": ("failed", "size"), "skies": ("seed", "nunique")}
     table = runs.agg(**counts).reset_index()
     table[["low", "high"]] = [wilson(*pair, z=2) for pair in table[["failed", "members"]].to_numpy()]

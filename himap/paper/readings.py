@@ -161,7 +161,7 @@ class Outcome:
     @property
     def n_failing(self):
         """How many of the members fail: their mean error is above `FAILING`."""
-        return int((self.numbers["mean error"] > FAILING).sum())
+        return int((~(self.numbers["mean error"] <= FAILING)).sum())
 
     @property
     def fails(self):

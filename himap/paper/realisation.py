@@ -229,14 +229,16 @@ class Realisation:
     def noise_over_hi(self, beam):
         """`Comparison` of the noise with HI, each by itself as it is in the truth.
 
-        C_l of the noise are those of the paper's pixels and channels, see `noise.noise_sigma`.
+        The noise has the power of the paper's channels, see `noise.noise_sigma`, and C_l that of its pixels.
         """
         noise, hi = self._fact(("noise", beam))
         paper, survey = PRESETS["paper"], self.survey
         wider = survey.channel_width / paper.channel_width
         scale = np.sqrt(wider) if survey.noise_reading == "variance" else wider
         cl = noise.angular.cl * scale * (survey.nside / paper.nside) ** 2
-        noise = replace(noise, angular=replace(noise.angular, cl=cl))
+        power = noise.frequency.power * scale / wider
+        frequency = replace(noise.frequency, power=power)
+        noise = replace(noise, angular=replace(noise.angular, cl=cl), frequency=frequency)
         return Comparison.of(noise, hi, l_top=2 * survey.nside, average=self.average)
 
     def without_sources(self):

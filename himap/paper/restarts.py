@@ -28,7 +28,7 @@ def members_of(table):
     values = table.pivot_table(index=columns, columns="quantity", values="value", sort=False)
     values = values[["mean error", *(name for name in FLAGS if name in values)]].reset_index()
     ensembles = values.groupby(columns[:2], sort=False).ngroup()
-    return values.assign(ensemble=ensembles, failed=values["mean error"] > FAILING)
+    return values.assign(ensemble=ensembles, failed=~(values["mean error"] <= FAILING))
 
 
 def flag_rates(table):

@@ -22,11 +22,14 @@ class Cleaning:
         The `ForegroundRemover`.
     basis
         The `Data` from which the foreground is estimated, such as those without peaks; `data` unless given.
+    spread
+        Of what deviation peaks stand out, a name in `himap.removal.peaks.SPREADS`, where they are masked.
     """
 
     data: Data
     method: object
     basis: Data | None = None
+    spread: str = "line"
 
     def __post_init__(self):
         if self.basis is None:
@@ -86,7 +89,8 @@ class Cleaning:
         return self._of(replace(self.data, maps=maps))
 
     def _of(self, data):
-        return replace(self, data=data, basis=data if self.basis is self.data else without_peaks(data))
+        masked = self.basis is not self.data
+        return replace(self, data=data, basis=without_peaks(data, self.spread) if masked else data)
 
     def with_beams(self, beams):
         """The same by a method that assumes the beams b_l, (n_channels, lmax + 1)."""
@@ -111,8 +115,8 @@ class Cleaning:
         return replace(self, data=data, basis=data if self.basis is self.data else self.basis.on(mask))
 
 
-def without_peaks(data):
+def without_peaks(data, spread="line"):
     """`Data` whose peaks are replaced by a smooth baseline, in the floats of the maps."""
-    masked = mask_peaks(data.maps, data.freqs, weights=data.weights)
+    masked = mask_peaks(data.maps, data.freqs, spread=spread, weights=data.weights)
     double = data.maps.dtype == np.float64
     return replace(data, maps=np.where(masked.flagged, masked.maps, data.maps) if double else masked.maps)

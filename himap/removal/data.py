@@ -42,7 +42,7 @@ class Data:
         Of maps that go on beyond what was observed (`on_sphere`): where they were, (n_pix,) bool; else None.
     known
         What was computed of the maps already, such as "modes", or a function that makes it: data with
-        other beams, noise or seed share it.
+        other beams, noise or seed share it. What depends on beams or noise is known by a `key_of`.
 
     Raises
     ------
@@ -179,6 +179,11 @@ class Data:
         if callable(value):
             value = self.known[name] = value()
         return value
+
+    def key_of(self, method):
+        """The name by which is known what a method estimates: it depends on beams and noise too."""
+        parts = (None if one is None else np.asarray(one).tobytes() for one in (self.beams, self.noise))
+        return method, *parts
 
     def on_sphere(self):
         """The same on the full sphere, less the means: outside of `grid` what is bright goes on smoothly."""

@@ -161,7 +161,7 @@ def oscillating_fits(sky):
     for name in ("polynomial", "parametric"):
         fit, short = sky.of("oscillating")[name], METHODS[name]
         errors |= {f"{short} in C": mean_error(fit), f"{short} in P": frequency_band("error")(fit)}
-    parts = (Part(f"{name} fails", value > FAILING, method=name[:3]) for name, value in errors.items())
+    parts = (Part(f"{name} fails", not value <= FAILING, method=name[:3]) for name, value in errors.items())
     return finding(min(errors.values()), parts, {"Mean deviation from 1": errors})
 
 

@@ -196,7 +196,8 @@ def subdominant_noise(sky):
     than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k. Six main parts: each
     spectrum with each beam. The noise of a pixel does not depend on its size, so that C_l of the noise are
     proportional to the area of pixels, and inversely to the width of channels: they are those of pixels and
-    channels as large as the paper's.
+    channels as large as the paper's. P(k) has the paper's channels, and the pixels of the maps: where the
+    beam is degraded after the noise, coarser pixels make its noise larger.
     """
     parts, median, most = (), {}, {}
     for beam in BEAMS:

@@ -148,7 +148,7 @@ class SDecGMCA(ForegroundRemover):
 
     def fit(self, data):
         """The last `Step` of the `Data` of a sphere, made once for all methods with the same `iteration`."""
-        return data.get_or_compute(self.iteration, lambda: self._fit(data))
+        return data.get_or_compute(data.key_of(self.iteration), lambda: self._fit(data))
 
     def _fit(self, data):
         (mixture, scales, start), stages = self.problem(data), {}
