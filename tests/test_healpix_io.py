@@ -172,6 +172,7 @@ class TestUnits:
         (["900MHz-910MHz"], [900, 910]),
         (["map_971p137MHz.fits", "map_.9GHz", "1.4e3MHz", "1,20.5 MHz", "900,5MHz"], []),  # other decimals
         (["900-910MHz.fits", "900 - 910 MHz", "900.0_910.0MHz"], []),  # a range
+        (["map900-910MHz.fits", "T900 - 910 MHz"], []),
         (["map_900_11MHz.fits", "003_900MHz.fits"], []),  # 3.900?
         (["900MHzish", "900MHz5", "900kHz", "900 Hz", "MHz", "map_950"], []),
     ],

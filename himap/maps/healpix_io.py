@@ -197,6 +197,8 @@ def _scaled(stored, header, column, dtype):
         missing |= stored == 0
     if null is not None:
         missing |= stored == null
+    if stored.dtype.kind == "f":
+        missing |= np.abs(stored.astype(dtype) - hp.UNSEEN) <= _UNSEEN * abs(hp.UNSEEN)
     if bad is not None:
         missing |= stored == stored.dtype.type(bad) if stored.dtype.kind == "f" else values == bad
     values[missing] = np.nan
@@ -285,8 +287,10 @@ def freqs_in(name):
     """
     stated = []
     for match in _FREQ.finditer(name):
-        before = [part for part in re.split(r"[\W_]+", name[: match.start()]) if part]
-        if not (before and before[-1].isdigit()):
+        left = name[: match.start()]
+        before = [part for part in re.split(r"[\W_]+", left) if part]
+        is_range = re.search(r"\d *- *$", left)  # also after letters, as in map900-910MHz
+        if not (is_range or (before and before[-1].isdigit())):
             factor, digits = _FACTOR[match[3].lower()], len(match[2] or "")
             stated.append(Stated(float(match[1]) * factor, 0.5 * factor * 10.0**-digits))
     return stated

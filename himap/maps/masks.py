@@ -16,7 +16,11 @@ def mask_weights(mask, n_pix):
     """
     if mask is None:
         return np.ones(n_pix)
-    if np.asarray(mask).dtype != bool:
+    try:
+        is_bool = np.asarray(mask).dtype == bool and not np.ma.is_masked(mask)
+    except ValueError:  # of rows of unequal length
+        is_bool = False
+    if not is_bool:
         mask = real_array("the mask", mask)
     weights = np.asarray(mask, dtype=np.float64)
     if weights.shape != (n_pix,):

@@ -163,6 +163,8 @@ def cell_of(freqs, angles):
     """
     from himap.sky.cosmology import FREQ_21CM, Cosmology, redshift  # slow: most who clean do without
 
+    if len(freqs) < 2:
+        raise InputError("a cell along the line of sight needs two channels at least, got one.")
     if not evenly_spaced(freqs):
         steps = np.diff(freqs)
         raise InputError(

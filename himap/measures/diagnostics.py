@@ -103,7 +103,8 @@ def mean_squared_error(recovered, true, definition="relative"):
     """Mean squared error of one spectrum, a number without unit; see `MSE_DEFINITIONS`.
 
     The total of the paper's Fig. 3 is read as the sum of that of C_l and that of P(k), so that both
-    count alike although their units differ.
+    count alike although their units differ. It is infinite where the recovered spectrum is not finite, or
+    for "logarithmic" not positive, as of a run that failed.
 
     Raises
     ------
@@ -113,6 +114,8 @@ def mean_squared_error(recovered, true, definition="relative"):
     if definition not in MSE_DEFINITIONS:
         raise InputError(f"unknown definition {definition!r}; there are {', '.join(MSE_DEFINITIONS)}.")
     over = ratio(recovered, true)
+    if not np.isfinite(over).all() or (definition == "logarithmic" and over.min() <= 0):
+        return np.inf
     if definition == "relative":
         return float(np.mean((over - 1) ** 2))
     if definition == "logarithmic":

@@ -17,10 +17,11 @@ def eigenvalue_line(values):
     """A straight line through the logarithms of the eigenvalues of HI and noise, extrapolated to the others.
 
     `values` (n,) descend; the line is fitted to those from a fifth to four fifths of their number, none
-    below the rounding of the first.
+    below the rounding of the first; never to the first itself, unless there are but two.
     """
     number = np.arange(len(values))
     first, last = (int(share * len(values)) for share in _BULK)
+    first = max(first, 1) if len(values) > 2 else first
     bulk = slice(first, max(last, first + 2))
     least = max(values[0] * np.finfo(float).eps, np.finfo(float).tiny)
     slope, offset = np.polyfit(number[bulk], np.log(np.maximum(values[bulk], least)), 1)

@@ -183,7 +183,7 @@ def frequency_power(maps, channel_width, *, mask=None, taper="none"):
     maps, weights = checked_maps(maps, mask)
     if not (isinstance(channel_width, numbers.Real) and 0 < channel_width < np.inf):
         raise InputError(f"channel_width must be a positive number of MHz, got {channel_width!r}.")
-    if taper not in TAPERS:
+    if not isinstance(taper, str) or taper not in TAPERS:
         raise InputError(f"taper must be one of {', '.join(TAPERS)}, got {taper!r}.")
     n_channels, n_pix = maps.shape
     kept = weights > 0

@@ -12,6 +12,7 @@ from astropy import units as u
 from scipy.integrate import cumulative_simpson, quad
 from scipy.interpolate import CubicSpline
 
+from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.core.survey import FREQ_21CM
 
@@ -34,13 +35,14 @@ class Cosmology:
     as in the simulations of the paper.
     """
 
-    omega_m: float = 0.3
-    omega_b: float = 0.049
-    h: float = 0.67
-    n_s: float = 0.96
-    sigma_8: float = 0.8
+    omega_m: float = parameter(0.3, "density of matter, today")
+    omega_b: float = parameter(0.049, "density of baryons, today")
+    h: float = parameter(0.67, "H0 / (100 km/s/Mpc)", minimum=0, above=True)
+    n_s: float = parameter(0.96, "spectral index of the primordial power")
+    sigma_8: float = parameter(0.8, "rms of the density in spheres of 8 Mpc/h", minimum=0, above=True)
 
     def __post_init__(self):
+        checked_fields(self)
         if not 0 < self.omega_b < self.omega_m < 1:
             raise InputError(
                 "a flat LCDM cosmology needs 0 < omega_b < omega_m < 1, "

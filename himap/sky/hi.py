@@ -96,6 +96,8 @@ def lognormal_box(
     displacement
         f D psi_r, (n, n, n), as of `GaussianBox.radial_displacement`; None without `rsd`.
     """
+    if hi_bias not in ("exponential", "contrast"):
+        raise InputError(f"hi_bias must be exponential or contrast, got {hi_bias!r}.")
 
     def power(k):
         return model.cosmology.linear_power(k) * np.exp(-((k * r_smooth) ** 2))

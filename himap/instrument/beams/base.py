@@ -4,6 +4,7 @@ A beam is a frozen dataclass of its parameters with one hook. To add one, write 
 `himap/instrument/beams/`; it registers by its name, and the contract test runs on it by itself.
 """
 
+import numbers
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import ClassVar
@@ -99,9 +100,11 @@ class Beam(ABC):
         InputError
             Frequencies at which the beam is not known, or a dish of an unlikely size.
         """
-        freqs = np.asarray(freqs, dtype=float) if self.by_line else checked_freqs(freqs, len(freqs))
-        if not 0 < dish_diameter <= _LARGEST_DISH:
-            raise InputError(f"dish must be a diameter in m, at most {_LARGEST_DISH:g}, got {dish_diameter}.")
+        freqs = np.asarray(freqs, dtype=float) if self.by_line else checked_freqs(freqs, np.size(freqs))
+        if not (isinstance(dish_diameter, numbers.Real) and 0 < dish_diameter <= _LARGEST_DISH):
+            raise InputError(
+                f"dish must be a diameter in m, at most {_LARGEST_DISH:g}, got {dish_diameter!r}."
+            )
         return self._windows(freqs, lmax, dish_diameter)
 
     def of_survey(self, survey):

@@ -129,7 +129,7 @@ class Rippled(GaussianBeam):
             raise InputError(
                 f"the oscillating beam is measured from {low:.0f} to {high:.0f} MHz and diverges beyond; got "
                 f"channels from {freqs.min():g} to {freqs.max():g} MHz. Narrow the band, or use "
-                "ripple='additive'."
+                "the beam oscillating:ripple=additive."
             )
         wave = np.sin(2 * np.pi * freqs / self.period + self.phase)
         factor = np.polynomial.polynomial.polyval(freqs, _MATSHAWULE) + self.amplitude / 60 * wave
