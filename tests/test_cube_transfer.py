@@ -93,22 +93,6 @@ class TestMade:
         ratio = blurred[1:30] / sphere.power_spectrum(sphere.analyse(sharp[0]))[1:30]
         assert ratio == pytest.approx(beams[0, 1:30] ** 2, rel=0.05, abs=0.01)
 
-    @pytest.mark.parametrize(
-        ("freqs", "message"),
-        [
-            (np.geomspace(900, 1100, 24), "evenly spaced"),
-            (np.linspace(1300, 1500, 24), "no mocks can be made for this cube: freq_max"),
-        ],
-    )
-    def test_refused(self, cube, freqs, message):
-        with pytest.raises(InputError, match=message):
-            draw_mocks(replace(cube, freqs=freqs), beams_of(cube, "degraded"), 2)
-
-    def test_noise_and_beams_of_other_channels(self, cube):
-        for beams, noise in ((BEAMS, [1, 2]), (BEAMS[1:], None)):
-            with pytest.raises(InputError, match="24"):
-                draw_mocks(cube, beams, 2, noise=noise)
-
 
 class TestFromFiles:
     def test_one_of_each_file(self, cube, rng, tmp_path):

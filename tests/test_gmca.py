@@ -10,13 +10,11 @@ from gmca_twin import mixing_error, plain_gmca, similarity
 from image_files import SKY, write_image
 from scipy import ndimage
 
-from himap.core.errors import InputError
 from himap.cubes import read_cube, suggest
 from himap.maps import sphere
 from himap.maps.starlets import PlaneStarlets, starlet_filters
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
-from himap.removal.gnilc import GNILC
 from himap.removal.pca import PCA
 from himap.removal.thresholds import median, sparse
 
@@ -142,16 +140,6 @@ def test_a_mask_of_an_image_is_the_image_of_what_it_keeps(maps):
     assert np.array_equal(
         both.residual[:, SEEN[left]], clean(maps[:, (SEEN & left).ravel()], SEEN & left).residual
     )
-
-
-def test_bad_images(maps):
-    for image in (EVERYWHERE[1:], EVERYWHERE.ravel(), EVERYWHERE.astype(int), EVERYWHERE[None]):
-        with pytest.raises(InputError, match=r"image must be \(n_y, n_x\) bool, True at the 7680 pixels"):
-            clean(maps, image)
-    with pytest.raises(InputError, match="n_scales must be at most 7 for an image of"):
-        clean(maps, EVERYWHERE, n_scales=8)
-    with pytest.raises(InputError, match="gnilc looks at the sphere, by multipoles; image= must be left out"):
-        GNILC().clean(maps, freqs=FREQS, image=EVERYWHERE)
 
 
 class TestFiles:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, NSIDE, largest_angle, noisy
 
-from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.low_rank import centred, projection
 from himap.removal import harmonic
@@ -96,15 +95,6 @@ def test_weights_are_zero_at_the_edge_and_one_well_inside():
     latitude = np.abs(LATITUDE)
     assert weights[latitude < 14].max() == 0 and weights[latitude > 15 + 24].min() > 0.99
     assert 0.3 < weights[(latitude > 20) & (latitude < 24)].mean() < 0.9
-
-
-def test_a_mask_that_keeps_too_little_and_a_beam_that_ends_too_early(problem):
-    with pytest.raises(
-        InputError, match="keeps 1.* there are 3 modes to l = 32, and 8 channels need as many"
-    ):
-        METHOD.clean(problem[0], **GIVEN, mask=LATITUDE > 78)
-    with pytest.raises(InputError, match="must reach l = 32, as beam_subspace does, got b_l to 20"):
-        METHOD.clean(problem[0], freqs=FREQS, beams=BEAMS[:, :21], mask=CUT)
 
 
 def test_whole_numbers_are_a_mask(problem):

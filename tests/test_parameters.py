@@ -27,12 +27,6 @@ def test_reading_the_cell():
     assert known["folder"].kinds == {"str", "None"} and known["degrees"].default == [2, 10]
 
 
-@pytest.mark.parametrize("line", ["x = 1", "x: int", "x: int = len('a')", "x: set = {1}", "print(1)"])
-def test_other_lines_are_refused(line):
-    with pytest.raises(InputError, match="name: type = default"):
-        read_parameters(line)
-
-
 @pytest.mark.parametrize(
     "name, text, value",
     [

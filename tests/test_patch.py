@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.figures.plotting import sky_maps
-from himap.instrument.beams import Degraded
 from himap.measures.spectra import angular_power, frequency_power
-from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits, patch_sky
-from himap.paper.pipeline import Case
+from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits
 
 NSIDE = 32
 FIELD = Patch()
@@ -105,9 +102,3 @@ def test_maps_are_drawn_where_they_are():
     north, east = (axes.images[0].get_array() for axes in figure.axes[:2])
     assert np.diff(north.mean(axis=1))[5:-5].mean() > 0 and east[:, 0].mean() > 15 > -15 > east[:, -1].mean()
     assert figure.axes[0].images[0].get_extent()[0] > figure.axes[0].images[0].get_extent()[1]
-
-
-def test_a_taper_is_refused_before_any_work():
-    case = Case(survey=Survey.preset("ci", taper="hann"), beam=Degraded())
-    with pytest.raises(InputError, match="no taper, got taper='hann'; leave it out"):
-        patch_sky(case)

@@ -1,5 +1,6 @@
 """What the library refuses, in one table: a call, what is wrong in it, and what is said."""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -7,23 +8,35 @@ import numpy as np
 import pytest
 
 from himap import removal
+from himap.app.parameters import read_parameters
 from himap.core.checks import checked_cube, whole_number
 from himap.core.errors import InputError
+from himap.core.memory import parse_size
 from himap.core.reading import regular_file
 from himap.core.survey import Survey
-from himap.instrument.beams import Evolving, FromFile, Oscillating, named
+from himap.cubes import clean_cube, suggest
+from himap.cubes.cube import make_cube
+from himap.cubes.layout import Layout
+from himap.cubes.mocks import draw_mocks
+from himap.instrument.beams import Degraded, Evolving, FromFile, Oscillating, named
 from himap.maps import sphere
+from himap.maps.frames import is_nested
+from himap.maps.healpix_io import freq_in_header
 from himap.measures.cylindrical import cell_of, cylindrical_power
 from himap.measures.diagnostics import inside, mean_squared_error, ratio
+from himap.measures.low_rank_spectra import difference, frequency_power_without
 from himap.measures.spectra import angular_power, frequency_power
 from himap.measures.transfer import HarmonicPower, MockPower, TransferFunction
 from himap.paper import pipeline
+from himap.paper.ensembles import compare_samples
 from himap.paper.experiments.beam_errors import assumed_beam
 from himap.paper.masked import Region, compared
 from himap.paper.methods import methods_for, sdecgmca_for
 from himap.paper.mocks import Mock, recovered
-from himap.paper.patch import Patch
+from himap.paper.patch import Patch, patch_sky
+from himap.paper.readings import find_reading
 from himap.paper.realisation import Realisation
+from himap.paper.study import Study
 from himap.removal.peaks import mask_peaks
 from himap.removal.restarts import Ensemble
 from himap.removal.smooth_spectra import SmoothSpectra
@@ -36,10 +49,12 @@ FREQS = np.linspace(902.5, 1397.5, 100)
 SKY = 1e4 * (FREQS[:, None] / 1150) ** np.linspace(-3.2, -2.1, N_PIX)
 ONES = np.ones((16, N_PIX))
 BROKEN = np.where(np.indices(SKY.shape).sum(axis=0) == 0, np.nan, SKY)
+DARK = np.where(np.indices(SKY.shape).sum(axis=0) == 0, 0, SKY)
 ONE = HarmonicPower(power=np.ones((5, 4)), n_channels=6, channel_width=1.0)
 CELL = np.array([3.0, 2.0, 2.5])
 SURVEY = Survey(nside=4, n_channels=6, box_cells=16)
 CASE = pipeline.Case(survey=SURVEY)
+CUBE = make_cube(SKY[:24], Layout.of_sphere(SKY, nested=False, freqs=FREQS[:24], unit="mK"))
 
 
 def changed(value, where=(3, 5)):
@@ -70,16 +85,32 @@ def errors_of_transfer(**given):
     return TransferFunction(**({"mocks": (MockPower(ONE, ONE, ONE),)} | given)).errors("angular")
 
 
+def mocks_of_cube(*, freqs=FREQS[:24], **given):
+    return draw_mocks(replace(CUBE, freqs=freqs), **{"beams": np.ones((24, 12)), "n_mocks": 2} | given)
+
+
 def power_of_box(**given):
     return cylindrical_power(**({"maps": np.zeros((4, 5, 6)), "cell": CELL} | given))
 
 
 method = partial(partial, removal.create)
 weighted, masked = partial(clean, "pca", 16), partial(clean, "pca")
+subspace = partial(clean, "beam_subspace")
+within = partial(clean, "beam_subspace", 4, mask=np.arange(N_PIX) < N_PIX // 2)
 peaks = partial(mask_peaks, SKY, FREQS)
 powers, along = partial(angular_power, ONES), partial(frequency_power, ONES)
 checked = partial(checked_cube, "maps")
+without_lines = partial(frequency_power_without, None, channel_width=2.0, cube=SKY)
+CI, TAPERED = Study(preset="ci"), replace(CASE, survey=replace(SURVEY, taper="hann"))
+COUNTS = [1, 3], [3], [], [0, 1], range(20, 25), range(1, 10**30), [2, 1], 3
+SIZES = "", "much", "0GB", "-1GB", "GB", "1e3", "3 PB", "nan", "2000TB", "9" * 400, "0.1B", "\u0663GB"
+LINES = "x = 1", "x: int", "x: int = len('a')", "x: set = {1}", "print(1)"
+freq_of = partial(freq_in_header, path="a.fits")
 assumed, ADDITIVE = partial(assumed_beam, Oscillating()), Oscillating(ripple="additive")
+logarithm = partial(clean, "polynomial", parameters={"variable": "logarithm"})
+IMAGE, BAD_IMAGE = np.ones((12, 16), bool), r"image must be \(n_y, n_x\) bool, True at the"
+on_image = partial(clean, "gmca", image=IMAGE)
+IMAGES = IMAGE[1:], IMAGE.ravel(), IMAGE.astype(int), IMAGE[None]
 BETWEEN, BETWEEN_1 = "must be between 0 and", "n must be a whole number between 1 and 4, got"
 TABLE = [
     (Survey, "nside", 65, "power of two, got 65; try 64 or 128"),
@@ -153,6 +184,9 @@ TABLE = [
     (method("gmca"), "n_scales", 13, "n_scales .* at most 12, got 13"),
     (method("gmca"), "n_sigma", -1, "n_sigma .* at least 0"),
     (partial(clean, "gmca"), "maps", SKY[:, 1:], "nside a power of two"),
+    *((partial(clean, "gmca"), "image", image, f"{BAD_IMAGE} 192 pixels") for image in IMAGES),
+    (on_image, "parameters", {"n_scales": 5}, "n_scales must be at most 4 for an image of"),
+    (partial(clean, "gnilc"), "image", IMAGE, "looks at the sphere, by multipoles; image= must be left out"),
     (method("fastica"), "contrast", "tanh", "contrast must be logcosh, exp or cube, got 'tanh'"),
     (method("fastica"), "max_iterations", 0, "max_iterations .* at least 1, got 0"),
     (method("fastica"), "tolerance", 0, "tolerance .* above 0"),
@@ -177,7 +211,8 @@ TABLE = [
             ("lmax", 2, "at least 4"),
         )
     ),
-    (partial(clean, "beam_subspace"), "parameters", {"noise": (1, 2)}, "one value or 100, .*, got 2"),
+    (within, "beams", np.ones((4, 5)), "must reach l = 8, as beam_subspace does, got b_l to 4"),
+    (subspace, "parameters", {"noise": (1, 2)}, "one value or 100, .*, got 2"),
     (method("beam_subspace"), "thresholds", None, "thresholds must be analytic or mad"),
     (method("sdecgmca"), "thresholds", "median", "thresholds must be mad or analytic, got 'median'"),
     (method("sdecgmca"), "reading", "quick", "one of default, letter, code, code-rounding, .*, got 'quick'"),
@@ -191,6 +226,7 @@ TABLE = [
     (method("polynomial"), "n_sigma", 0, r"n_sigma \(.*got"),
     (partial(clean, "polynomial"), "n_channels", 7, "order must be a whole number between 1 and 5, got 6"),
     (partial(clean, "polynomial"), "parameters", {"n_sigma": 0.5}, "could flag"),
+    (logarithm, "maps", DARK, "1 of 19200 voxels are not positive; .*variable='temperature'"),
     (SmoothSpectra(n_sources=9).check, "n_channels", 40, "at most n_smooth, 8, got 9; give a larger"),
     (SmoothSpectra(n_smooth=40).check, "n_channels", 40, "below the number of channels, 40, got 40"),
     (SmoothSpectra(n_sources=41).check, "n_channels", 40, "at most the number of channels, 40, got 41"),
@@ -245,6 +281,7 @@ TABLE = [
     (powers, "mask", np.ma.masked_less(np.ones(N_PIX), 2), "the mask has masked values"),
     (angular_power, "maps", np.ma.masked_greater(ONES, 0), "maps has masked values"),
     (powers, "bin_width", 0, "bin_width"),
+    (partial(along, channel_width=1.0), "taper", "cosine", "taper must be one of none, hann, got 'cosine'"),
     *((along, "channel_width", value, "a positive number") for value in (0, -1, np.nan, np.inf, "4", 1j)),
     *((sphere.nside_of, "maps", np.zeros(n), f"got {n} pixels") for n in (100, 12 * 9**2)),
     (sphere.lmax_of_size, "n_alm", 12, "12 is not the number"),
@@ -262,6 +299,11 @@ TABLE = [
     (partial(sdecgmca_for, Evolving()), "depth", 2, "sdecgmca has no option depth; it has n_sources,"),
     (Realisation, "options", (("depth", 7),), "sdecgmca has no option depth; it has n_sources"),
     (Realisation, "options", (("share", 7),), "share"),
+    (Realisation, "average", "median", "average must be one of means, ratios, middle, got 'median'"),
+    (find_reading, "label", "nonsense", "reading must be one of default; letter; .*, got 'nonsense'"),
+    (CI.check, "removers", {Degraded(): [removal.PCA(n_sources=101)]}, "at most the number of channels, 100"),
+    (CI.check, "removers", {"round": [removal.PCA()]}, "a Case takes a beam"),
+    (CI.check, "removers", {}, "nothing to clean"),
     (Realisation, "restart", -1, "restart must be a whole number"),
     (partial(Realisation, method="beam_subspace"), "restart", 1, "beam_subspace has no option restart"),
     (partial(Realisation, survey=SURVEY), "n_sources", (), "scan needs .* to the 6 channels, got none"),
@@ -269,6 +311,7 @@ TABLE = [
     (Patch, "voxels", 1, "voxels .* at most 0.5, got 1"),
     (Patch, "n_blocks", 1.5, "n_blocks .* whole number"),
     (Patch, "height", 90, "height .* at most 40, got 90"),
+    (patch_sky, "case", TAPERED, "no taper, got taper='hann'; leave it out"),
     (Mock, "bias", 0, "bias .* must be above 0, got 0"),
     (Mock, "abundance", -1, "abundance .* must be above 0, got -1"),
     (Mock, "seed", -3, "seed .* must be at least 0"),
@@ -279,6 +322,12 @@ TABLE = [
     (partial(assumed, kind="beam"), "error", "square", "unknown beam 'square'"),
     (partial(assumed_beam, Evolving(), "phase"), "error", 0.1, "the phase of a ripple .* got evolving"),
     (partial(assumed_beam, ADDITIVE, "amplitude"), "error", 0.1, "got oscillating:ripple=additive"),
+    (partial(difference, SKY[:1]), "truth", SKY, "one shape"),
+    (partial(difference, BROKEN), "truth", SKY, "finite|NaN"),
+    (partial(difference, SKY, SKY), "mask", np.ones(7, dtype=bool), "mask"),
+    (partial(compare_samples, np.zeros((4, 3))), "two", np.zeros((5, 2)), "expected"),
+    (partial(compare_samples, np.zeros((4, 3))), "two", np.zeros((0, 3)), "expected"),
+    (partial(compare_samples, np.zeros((4, 3))), "two", np.full((5, 3), np.nan), "finite"),
     (partial(ratio, [1.0]), "true", [1.0, 2.0], "one shape"),
     (partial(ratio, [1.0]), "true", [0.0], "must be positive"),
     (
@@ -290,8 +339,21 @@ TABLE = [
     (partial(inside, np.arange(5), np.arange(5), 4), "high", 9, "between 4 and 9: the values go from 0 to 4"),
     (restarted(removal.PCA()), "n", 8, "pca does not depend on its start"),
     (restarted(removal.SDecGMCA()), "n", 0, "restarts must be a whole number between 1"),
+    (without_lines, "removed", np.ones(N_PIX, dtype=bool), "no line of sight is kept"),
     (errors_of_transfer, "mocks", (), "got none"),
     (errors_of_transfer, "mocks", (MockPower(ONE, ONE, ONE),), "two mocks or more"),
+    (mocks_of_cube, "freqs", np.geomspace(900, 1100, 24), "evenly spaced"),
+    (mocks_of_cube, "freqs", np.linspace(1300, 1500, 24), "no mocks can be made for this cube: freq_max"),
+    (mocks_of_cube, "noise", [1, 2], "24"),
+    (mocks_of_cube, "beams", np.ones((23, 12)), "24"),
+    (partial(clean_cube, CUBE, removal.PCA()), "n_sources", 9, "n_sources: give parameters to PCA"),
+    (partial(clean_cube, CUBE), "method", removal.PCA, "a method, such as PCA"),
+    (partial(suggest, CUBE), "n_sources", [1.0, 2.5], "n_sources .*must be a whole number"),
+    *((partial(suggest, CUBE), "n_sources", n, "n_sources .*two or more .* in a row.* got") for n in COUNTS),
+    *((parse_size, "text", size, "such as 16GB") for size in SIZES),
+    *((read_parameters, "source", line, "name: type = default") for line in LINES),
+    *((is_nested, "order", text, "must be RING or NESTED") for text in ("", "SPIRAL", "NESTLE")),
+    *((freq_of, "header", {"FREQ": bad}, "MHz, got .* in a.fits") for bad in ("950 MHz", True, np.inf)),
     (power_of_box, "maps", np.zeros((4, 9)), "shape"),
     (power_of_box, "maps", np.zeros((4, 1, 9)), "shape"),
     (power_of_box, "cell", (1, 2), "three sides"),

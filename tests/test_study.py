@@ -66,15 +66,6 @@ def test_figures_have_a_panel_for_each_beam_and_one_legend(study):
     assert one.axes[0].get_legend() is not None
 
 
-def test_what_does_not_fit_is_refused_before_any_work(study):
-    with pytest.raises(InputError, match="at most the number of channels, 100"):
-        study.check({Degraded(): [PCA(n_sources=101)]})
-    with pytest.raises(InputError, match="a Case takes a beam"):
-        study.check({"round": [PCA(n_sources=3)]})
-    with pytest.raises(InputError, match="nothing to clean"):
-        study.check({})
-
-
 def test_numbers_carry_a_tolerance(study):
     numbers = study.band_numbers({Degraded(): [PCA(n_sources=3)]}, tolerance=0.05)
     value, tolerance = numbers["degraded, PCA: P/P0, k > 0.1"]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, run, write_hdf5
 
-from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, read_cube, spectra, suggestion
 from himap.instrument.beams import named
 from himap.maps import sphere
@@ -128,11 +127,3 @@ class TestSuggestion:
         assert page.read_text().count("<img alt=") == 1
         done = run("suggest", path, "--method", "beam_subspace", "--beam", "oscillating", "--to", 4)
         assert "2 eigenvalues exceed HI and noise." in done.output
-
-    wrong = [1.0, 2.5], [1, 3], [3], [], [0, 1], range(20, 25), range(1, 10**30), [2, 1], 3
-
-    @pytest.mark.parametrize("counts", wrong)
-    def test_numbers_that_are_not_in_a_row(self, counts, maps, tmp_path):
-        message = "must be a whole number" if counts == [1.0, 2.5] else "two or more numbers in a row.* got"
-        with pytest.raises(InputError, match=f"n_sources .*{message}"):
-            suggestion.suggest(cube_of(tmp_path, maps), n_sources=counts)
