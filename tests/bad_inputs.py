@@ -1,5 +1,6 @@
 """Files and command lines that are wrong in one way each, in one table, and good files beside them."""
 
+import gzip
 import os
 from functools import partial
 from pathlib import Path
@@ -34,7 +35,7 @@ def write_good():
     np.savetxt("widths.txt", np.full(24, 1.5))
     np.save("bl.npy", np.ones((24, 3 * NSIDE)))
     names = [f"{freq:g} MHz" for freq in FREQS]
-    write_fits("good.fits", maps, column_names=names)
+    os.rename(write_cards(), "good.fits")
     part = np.where(np.arange(N_PIX) < 150, maps, hp.UNSEEN)
     write_fits("part.fits", part, partial=True, column_names=names)
     write_fits("mask.fits", np.ones(N_PIX), column_units=None)
@@ -54,6 +55,13 @@ def write_hdf5(path, maps=None, freqs_name="freqs", freqs=FREQS, more=None, said
 
 def write_fits(path, maps, **options):
     hp.write_map(path, maps, **{"dtype": np.float32, "column_units": "mK", "overwrite": True} | options)
+
+
+def write_cards(**cards):
+    """a.fits, a good one with more cards."""
+    names = [f"{freq:g} MHz" for freq in FREQS]
+    write_fits("a.fits", good_maps(), column_names=names, extra_header=list(cards.items()))
+    return "a.fits"
 
 
 def write_folder(folder, names, headers=None):
@@ -120,6 +128,9 @@ for names, values, message in (
 ):
     cards = [[("FREQ", value)] for value in values]
     add(f"FREQ {values}", "folder", message, write_folder, "folder", names, cards)
+cards = [[("COORDSYS", frame)] for frame in "CG"]
+add("two frames in a folder", "folder", "one frame of coordinates, got C (900MHz.fits), G (910MHz.fits)",
+    write_folder, "folder", ["900MHz", "910MHz"], cards)  # fmt: skip
 
 # HDF5: what is a frequency, a unit, an order.
 for name in ("freq_weights", "tsys_mhz", "nu_id"):
@@ -284,6 +295,20 @@ for pixels in ([-1, 2, 3], [1, 2, N_PIX], [1, 2, 2]):
 add("pixel numbers alone", "a.fits", "no column with a map", part, np.arange(5), 0)
 for form in ("M", "4A", "8X", "PE()"):
     add(f"columns of {form}", "a.fits", "maps are real numbers", columns_of, form)
+add("logical maps", "a.fits", "maps are real numbers, and the column 950 MHz", write_fits, "a.fits",
+    np.ones((2, N_PIX), bool), dtype=bool, column_names=["950 MHz", "951 MHz"])  # fmt: skip
+FRAMES = "COORDSYS in a.fits must be one of G, C, E, ICRS, FK5, FK4, FK4-NO-E, GAPPT, S, H, got"
+SPECTRAL = "a.fits: SPECSYS must be one of TOPOCENT, GEOCENTR, BARYCENT, HELIOCEN, LSRK, LSRD, GALACTOC, "
+for message, name, *values in (
+    (f"{FRAMES} {{!r}}", "COORDSYS", 3, "3", True, "SKY"),
+    (f"{SPECTRAL}LOCALGRP, CMBDIPOL, SOURCE, got {{!r}}", "SPECSYS", 5, "SKY"),
+    ("ORDERING in a.fits must be RING or NESTED, got '{}'", "ORDERING", 0, False, "NUNIQ"),
+    ("a.fits: it says NSIDE = {}, but", "NSIDE", "16", 0, 2.5),
+    ("EQUINOX beside COORDSYS in a.fits must be a year, such as 2000, got {!r}", "EQUINOX", "soon", True),
+):
+    for value in values:
+        cards = {"COORDSYS": "C", name: value}
+        add(f"a card {name} = {value!r}", "a.fits", message.format(value), write_cards, **cards)
 add("columns of two lengths", "a.fits", "must have one length", columns_of_two_lengths)
 add("another nside", "a.fits", "it says NSIDE = 8", change_cards, "good.fits", "a.fits", NSIDE=8)
 units = {"column_units": ["mK", "K", "K"], "column_names": ["900 MHz", "910 MHz", "920 MHz"]}
@@ -450,9 +475,16 @@ for name, mask, message in (
 ):
     add(f"a mask {name}", "good.h5 --mask m.fits", message, write_fits, "m.fits", mask, column_units=None)
 words = "good.h5 --mask m.fits --method beam_subspace --beam evolving"
-add("a mask and multipoles", words, "24 channels need as many", write_fits, "m.fits", spot)
+message = "there are 1 modes to l = 8, and 24 channels need as many"
+add("a mask and multipoles", words, message, write_fits, "m.fits", spot)
 add("a mask of what is not seen", "part.fits --mask m.fits", "no pixel that the cube sees", write_fits,
     "m.fits", spot[::-1])  # fmt: skip
+add("a mask of other axes", "image.fits --mask m.fits", "m.fits must have the axes of the sky of the cube",
+    write_image, "m.fits", np.ones((N_Y, N_X)), axes=SKY["CAR"], BUNIT="")  # fmt: skip
+add("a mask of turned images", "image.fits --mask m.npy", "m.npy must have the shape of an image", np.save,
+    "m.npy", np.ones((N_X, N_Y), bool))  # fmt: skip
+add("a mask of each channel", "good.h5 --mask m.npy", "m.npy must be one map", np.save, "m.npy",
+    np.ones(SHAPE, bool))  # fmt: skip
 add("a mask of images that is rotated", "image.fits --mask m.fits --rotate", "only HEALPix maps are rotated",
     write_image, "m.fits", np.ones((N_Y, N_X)), axes=SKY["SIN"], BUNIT="")  # fmt: skip
 add("a mask without an order", "good.h5 --mask m.fits", "ORDERING", change_cards, "mask.fits", "m.fits",
@@ -509,6 +541,8 @@ for word in ("weights", "flags"):
 TRUTH = "the truth is the cube itself"
 add("the cube as its truth", "good.h5 --truth good.h5", TRUTH)
 add("the cube in another file as its truth", ["good.h5", "--truth", "good.npy", *READING], TRUTH)
+add("a truth of other channels", "good.h5 --truth a.h5", "got 953 MHz where that has 950", write_hdf5, "a.h5",
+    freqs=FREQS + 3)  # fmt: skip
 add("a truth of another nside", "good.h5 --truth a.h5", "the truth must have the channels",
     write_hdf5, "a.h5", np.tile(good_maps(), 4))  # fmt: skip
 
@@ -538,9 +572,13 @@ for name in ("nowhere/c.h5", "c.hdf", "", "..", "c\0.h5"):
     add(f"an output {name!r}", ["good.h5", "-o", name], "")
 add("a folder as output", "good.h5 -o p.h5 --overwrite", "p.html is a folder", os.mkdir, "p.html")
 
+add("a folder as cube", "good.h5 -o p.h5 --overwrite", "p.h5 is a folder; give the name", os.mkdir, "p.h5")
+add("a pipe as output", "good.h5 -o p.h5 --overwrite", "p.h5 is no ordinary file", os.mkfifo, "p.h5")
+
 LONG = "x" * 300 + ".h5"
 for option in ("", "--beam", "--truth", "-o"):
-    add(f"a long name as {option}", f"{'good.h5 ' * bool(option)}{option} {LONG}", "xxx")
+    message = "cannot be written (File name too long)" if option == "-o" else "xxx"
+    add(f"a long name as {option}", f"{'good.h5 ' * bool(option)}{option} {LONG}", message)
 for option in ("", "--freqs", "--mocks"):
     words = f"{'good.h5 ' * bool(option)}{option} loop.h5"
     add(f"a loop of links as {option}", words, "loop.h5", os.symlink, "loop.h5", "loop.h5")
@@ -567,6 +605,8 @@ for name in ("a.h5", "a.fits", "a.npy", "a.txt"):
         message = "a cube is HDF5, FITS or .npy" if name == "a.txt" else name
         add(f"{content or 'nothing'} in {name}", words, message, lambda name=name, content=content: Path(
             name).write_text(content))  # fmt: skip
+add("an archive of HDF5", "a.h5.gz", "this is none of them (unpack archives", lambda: Path(
+    "a.h5.gz").write_bytes(gzip.compress(Path("good.h5").read_bytes())))  # fmt: skip
 add("no name", [""], "there is no file ''")
 add("no such file", "nothing.h5", "there is no file")
 add("no unit", "good.npy --freqs nu.txt", "K or mK")
@@ -575,11 +615,25 @@ add("no frequencies", "good.npy --unit mK", NO_FREQS)
 add("a wrong order", "good.h5 --order SPIRAL", "RING or NESTED")
 add("an order that contradicts the file", "good.h5 --order NESTED", "the file says RING, but the order")
 add("a unit that contradicts the file", "good.h5 --unit K", "the file says mK, but the unit given is K")
+add("a wrong frame", "good.h5 --frame X", "frame of coordinates (--frame) must be one of G, C, E, ICRS")
+add("a frame that contradicts the file", "a.h5 --frame G", "the file says C, but the frame given is G",
+    write_hdf5, "a.h5", coordsys="C")  # fmt: skip
 add("frequencies that contradict the file", "good.h5 --freqs widths.txt", "but the list of frequencies")
 
 BEAM = "--method beam_subspace --beam"
 add("an unknown method", "good.h5 --method magic", "unknown method")
 add("an unknown parameter", "good.h5 -p n_sorces=3", "did you mean n_sources")
+add("a parameter given twice", "good.h5 -p n_sources=2 -p N_SOURCES=3", "n_sources is given twice")
+add("flags for what takes none", "good.h5 --flags bl.npy --method fastica", "fastica takes no weights")
+for n, (write, message) in enumerate(
+    (
+        (None, "there is no file"),
+        (partial(Path("p.npy").write_bytes, b"words"), "is no .npy file of plain numbers"),
+        (partial(np.save, "p.npy", np.zeros((3, 12))), "the shape of the maps, (24, 192), got (3, 12)"),
+        (partial(np.save, "p.npy", np.full(SHAPE, np.nan)), "the mock of prior must be finite everywhere"),
+    )
+):
+    add(f"prior {n}", "good.h5 --method gnilc -p prior=p.npy", message, write)
 add("a parameter called name", "good.h5 -p name=x", "name")
 for value in ("0", "many", "1e999"):
     add(f"n_sources={value}", f"good.h5 -p n_sources={value}", "n_sources")

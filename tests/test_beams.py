@@ -286,14 +286,10 @@ class TestFromFile:
             (np.full((30, 48), np.nan), "finite b_l that are 1 at l = 0 .*, got nan"),
             (np.full((30, 48), 50.0), "1 at l = 0 and nowhere more, got 50"),
             (np.full(30, 0.02), "FWHM in degrees, between 0.04 and 10, got 0.02"),
+            (np.array([{"a": 1}]), "no .npy file of plain numbers"),  # code
         ],
     )
     def test_what_cannot_be_the_beam_of_a_survey(self, numbers, message, tmp_path):
         np.save(tmp_path / "b.npy", numbers)
         with pytest.raises(InputError, match=message):
             pipeline.Case(survey=SURVEY, beam=FromFile(path=tmp_path / "b.npy"))
-
-    def test_code_in_a_file(self, tmp_path):
-        np.save(tmp_path / "b.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-        with pytest.raises(InputError, match="no .npy file of plain numbers"):
-            FromFile(path=tmp_path / "b.npy").of_survey(SURVEY)

@@ -1,9 +1,7 @@
 """Which axis, file and format is which: said by the files, by the caller, or refused, and never guessed."""
 
 import fcntl
-import gzip
 import os
-from pathlib import Path
 
 import h5py
 import healpy as hp
@@ -169,10 +167,6 @@ class TestFormats:
         write_image("a.fits", images)
         fits.writeto("b.fits.gz", images, fits.getheader("a.fits"))
         os.rename("b.fits.gz", "b.cube")
-        write_hdf5("d.h5")
-        Path("d.h5.gz").write_bytes(gzip.compress(Path("d.h5").read_bytes()))
-        with pytest.raises(InputError, match="d.h5.gz: a cube is .*unpack archives"):
-            read_cube("d.h5.gz")
         np.save("c.npy", good_maps())
         os.rename("c.npy", "c.dat")
         assert np.array_equal(read_cube("b.cube").maps, images.reshape(N_CHANNELS, -1))
@@ -217,30 +211,19 @@ class TestLogical:
         for dtype in (bool, np.uint8, float):
             np.save("m.npy", self.kept.astype(dtype))
             assert np.array_equal(read_mask("m.npy", layout)[0], self.kept)
-        np.save("m.npy", np.ones((24, N_PIX), bool))
-        with pytest.raises(InputError, match="m.npy must be one map"):
-            read_mask("m.npy", layout)[0]
 
     def test_a_mask_in_the_order_of_a_nested_cube(self):
         write_hdf5("a.h5", said={"unit": "mK", "order": "NESTED"})
         np.save("m.npy", hp.reorder(self.kept.astype("f4"), r2n=True) > 0)
         assert np.array_equal(read_mask("m.npy", read_cube("a.h5").layout)[0], self.kept)
 
-    def test_flags_and_no_maps(self):
+    def test_flags(self):
         write_hdf5("a.h5")
-        bad = ~self.kept
-        hp.write_map("bad.fits", bad, dtype=bool, column_units=None)
+        hp.write_map("bad.fits", ~self.kept, dtype=bool, column_units=None)
         assert np.array_equal(read_cube("a.h5", flags="bad.fits").mask, self.kept)
-        hp.write_map("maps.fits", np.array([bad, bad]), dtype=bool, column_units="mK")
-        with pytest.raises(InputError, match="maps are real numbers"):
-            read_cube("maps.fits", freqs=[950, 951])
 
     def test_of_images(self, images):
         write_image("a.fits", images)
         kept = np.arange(N_Y * N_X).reshape(N_Y, N_X) % 3 > 0
         np.save("m.npy", kept)
-        layout = read_cube("a.fits").layout
-        assert np.array_equal(read_mask("m.npy", layout)[0], kept.ravel())
-        np.save("m.npy", kept.T)
-        with pytest.raises(InputError, match="m.npy must have the shape"):
-            read_mask("m.npy", layout)[0]
+        assert np.array_equal(read_mask("m.npy", read_cube("a.fits").layout)[0], kept.ravel())

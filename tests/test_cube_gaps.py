@@ -198,7 +198,7 @@ def test_rms_on_the_page_is_of_what_is_seen(cube, tmp_path):
     ]
     write_report(cleaned, tmp_path / "a.html")
     page = (tmp_path / "a.html").read_text()
-    assert all(f">{value:.4g} mK<" in page for value in rms)
+    assert "<h2>Spectra</h2>" in page and all(f">{value:.4g} mK<" in page for value in rms)
 
 
 def test_channels_that_a_mask_leaves_nothing_of(cube):

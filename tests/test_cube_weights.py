@@ -256,5 +256,3 @@ class TestImages:
         with fits.open("c.fits") as file:
             assert file[0].header["CTYPE1"] == "RA---SIN"
             assert np.array_equal(np.isnan(file[0].data), flags | (hits == 0))
-        done = run("clean", "cube.fits", "--method", "fastica", *options, "--overwrite", code=2)
-        assert "takes no weights" in done.output

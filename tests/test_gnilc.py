@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.maps.starlets import cosine_needlets
 from himap.removal import gnilc
@@ -170,25 +169,6 @@ def test_stationary_keeps_variances_and_has_no_negative_power(rng):
     truth = np.cov(lines, bias=True)
     assert np.diag(many) == pytest.approx(np.diag(truth), rel=0.06)
     assert np.diag(many, 1)[5:-5] == pytest.approx(np.diag(truth, 1)[5:-5], rel=0.06)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (None, "there is no file"),
-        (b"words", "is no .npy file of plain numbers"),
-        (np.zeros((3, 12)), r"the shape of the maps, \(3, 48\), got \(3, 12\)"),
-        (np.full((3, 48), np.nan), "the mock of prior must be finite everywhere"),
-    ],
-)
-def test_mocks_that_are_none(content, message, tmp_path):
-    path = tmp_path / "mock.npy"
-    if isinstance(content, bytes):
-        path.write_bytes(content)
-    elif content is not None:
-        np.save(path, content)
-    with pytest.raises(InputError, match=message):
-        gnilc.mock_modes(path, (3, 48))
 
 
 def test_where_each_region_has_one_spectrum_one_is_removed(rng):

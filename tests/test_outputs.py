@@ -109,18 +109,3 @@ def test_the_file_that_cannot_be_written_is_named(tmp_path):
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert os.listdir(tmp_path) == []
-
-
-@pytest.mark.parametrize(
-    ("name", "make", "message"),
-    [
-        ("out.h5", Path.mkdir, "is a folder; give the name of a file"),
-        ("out.h5", os.mkfifo, "is no ordinary file"),
-        ("out.h5", Path.touch, "exists; choose another output"),
-        ("x" * 300, str, "cannot be written .File name too long"),
-    ],
-)
-def test_what_cannot_be_an_output(tmp_path, name, make, message):
-    make(tmp_path / name)
-    with pytest.raises(InputError, match=message):
-        check_free([tmp_path / name], overwrite=False)
