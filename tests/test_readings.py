@@ -165,11 +165,11 @@ class TestEvaluate:
 class TestDefault:
     """The most charitable candidate, on made-up outcomes."""
 
-    @staticmethod
-    def rows(held, *, claim="D1", method="SD", main=True):
+    EMPTY = dict.fromkeys(restarts.EXPERIMENT.columns) | {"n_sources": 0, "seed": 7, "restart": 0}
+
+    def rows(self, held, *, claim="D1", method="SD", main=True):
         """Rows of {(label, seed): for each restart {part: whether it holds}} of a claim."""
-        empty = dict.fromkeys(restarts.EXPERIMENT.columns) | {"n_sources": 0, "quantity": claim}
-        empty |= {"method": method, "main": main}
+        empty = self.EMPTY | {"quantity": claim, "method": method, "main": main}
         return [
             empty | {"seed": seed, "reading": label, "restart": restart, "part": part, "held": one}
             for (label, seed), members in held.items()
@@ -206,15 +206,9 @@ class TestDefault:
 
     def test_counts_by_sky_and_how_often_each_is_first(self):
         held = {"code": (True, True, True), "letter": (True, True, False), "follow-up": (False, False, False)}
-        empty = dict.fromkeys(restarts.EXPERIMENT.columns) | {"n_sources": 0, "restart": 0, "quantity": "D1"}
-        empty |= {"part": "a", "method": "SD", "main": True}
-        rows = [
-            empty | {"seed": seed, "reading": label, "held": one}
-            for label, several in held.items()
-            for seed, one in zip((7, 8, 9), several, strict=True)
-        ]
+        rows = self.rows({(label, 7 + n): [{"a": held[label][n]}] for label in held for n in range(3)})
         numbers = {"case": "oscillating", "quantity": "mean error", "value": 0.02}
-        rows += [empty | {"seed": 7, "reading": label} | numbers for label in held]
+        rows += [self.EMPTY | {"reading": label} | numbers for label in held]
         rows = restarts.EXPERIMENT.frame(rows)
         counts = statement_counts(rows)
         assert counts.loc[[7, 8, 9], [*held]].to_numpy().T.tolist() == [[1, 1, 1], [1, 1, 0], [0, 0, 0]]
@@ -228,22 +222,15 @@ class TestDefault:
         assert table["on the skies 7, 8, 9"].tolist() == ["1.0, 1.0, 1.0", "1.0, 1.0, 0.0", "0.0, 0.0, 0.0"]
         assert table["which"][1] == "none" and table["first"][2] == "0 %"
         shares = shares_table(outcomes(rows)).set_index("claim")
-        claim = empty["quantity"]
-        assert shares.loc[claim, [*held]].tolist() == ["100", "67", "0"]
-        assert (shares.drop(index=claim)[[*held]] == "–").to_numpy().all()
+        assert shares.loc["D1", [*held]].tolist() == ["100", "67", "0"]
+        assert (shares.drop(index="D1")[[*held]] == "–").to_numpy().all()
 
     def test_a_record_of_restarts_is_judged_by_what_it_has_of_the_oscillating_beam(self):
-        empty = dict.fromkeys(restarts.EXPERIMENT.columns) | {"seed": 7, "n_sources": 0}
-        rows = [
-            empty | {"reading": label, "restart": k, "quantity": "D1", "part": "a", "method": "SD"}
-            for label in ("code", "letter, beyond = projection")
-            for k in range(2)
-        ]
-        for row in rows:
-            row |= {"main": True, "held": row["reading"] != "code" or row["restart"] == 0}
+        held = {"code": (True, False), "letter, beyond = projection": (True, True)}
+        rows = self.rows({(label, 7): [{"a": one} for one in several] for label, several in held.items()})
         for case, value in (("degraded", 0.5), ("oscillating", 0.02)):
-            numbers = {"case": case, "quantity": "mean error", "value": value, "restart": 0}
-            rows.append(empty | {"reading": "code"} | numbers)
+            numbers = {"case": case, "quantity": "mean error", "value": value}
+            rows.append(self.EMPTY | {"reading": "code"} | numbers)
         found = outcomes(restarts.EXPERIMENT.frame(rows))
         assert found["code"].numbers["mean error"].tolist() == [0.02]
         counts = {label: one.statements for label, one in found.items()}
