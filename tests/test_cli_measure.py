@@ -85,7 +85,6 @@ def bad(name, *options, message):
     ("name", "options", "message"),
     [
         bad("clams", message="unknown experiment 'clams'; there are authors, beam_errors"),
-        bad("claims", "-p", "method=pca", message="in the place of SDecGMCA can stand"),
         bad("claims", "-p", "n_realisation=2", message="did you mean n_realisations"),
         bad("claims", "-p", "galaxy=templates", message="needs template_dir"),
         bad("claims", "-o", "claims.txt", message="something.json"),
@@ -104,9 +103,7 @@ def bad(name, *options, message):
         ),
         bad("transfer", "-p", "results=[]", message="unknown parameter results"),
         bad("transfer", "-p", "n_mock=2", message="did you mean n_mocks"),
-        bad("transfer", "-p", 'methods=[["pca", 500]]', message="at most the number of channels"),
         bad("beam_errors", "-p", "results=[]", message="unknown parameter"),
-        bad("n_sources", "-p", "noises=[3]", message="1 first"),
         bad("methods", "-p", "results=null", message="unknown parameter results"),
     ],
 )
