@@ -1,17 +1,15 @@
 """The book renders without warning or network, and leads nowhere in vain."""
 
 import re
-from pathlib import Path
 from urllib.parse import unquote
 
 import nbformat
 import numpy as np
 import pytest
+from conftest import ROOT
 from PIL import Image
 
 from himap.app.stored import stored_results
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture(scope="module")

@@ -2,16 +2,15 @@
 
 import re
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 import yaml
+from conftest import ROOT
 from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
 
 from himap.app.notebook_files import figures, plain_caption
 from himap.figures.numbers import quoted
 
-ROOT = Path(__file__).resolve().parents[1]
 DESK = {"width": 1300, "height": 900}
 PHONE = {"width": 390, "height": 800}
 LEAST_CONTRAST = 4.5  # of text, WCAG 2 AA

@@ -4,13 +4,11 @@ import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import yaml
-from conftest import render_book
+from conftest import ROOT, render_book
 
-ROOT = Path(__file__).resolve().parents[1]
 ADDRESS = "https://github.com/somebody/himap"
 
 

@@ -4,10 +4,10 @@ import json
 import re
 import subprocess
 from dataclasses import replace
-from pathlib import Path
 
 import nbformat
 import pytest
+from conftest import ROOT
 from ledgers import ABOUT, entry, finding
 from PIL import Image
 
@@ -32,7 +32,6 @@ from himap.paper.readings import outcomes as outcomes_of
 from himap.paper.realisation import Realisation
 from himap.paper.record import Record
 
-ROOT = Path(__file__).resolve().parents[1]
 PAPER = {*"1234567", "A.1", "A.2", "B.1", "B.2", "B.3"}  # its figures
 LARGER = {"nside": 512, "n_channels": 4000, "box_cells": 2048}
 

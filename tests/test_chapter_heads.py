@@ -5,10 +5,10 @@ import json
 import re
 import shutil
 from html import unescape
-from pathlib import Path
 
 import nbformat
 import pytest
+from conftest import ROOT
 from sphinx.application import Sphinx
 
 from himap.app.notebooks import notebooks
@@ -16,7 +16,6 @@ from himap.app.stored import LEDGER, read_ledger
 from himap.paper.claims import CLAIMS
 from himap.paper.ledger_table import BADGES
 
-ROOT = Path(__file__).resolve().parents[1]
 CHAPTERS = notebooks(ROOT / "notebooks")
 
 

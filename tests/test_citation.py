@@ -5,14 +5,13 @@ import json
 import re
 import runpy
 from fnmatch import fnmatch
-from pathlib import Path
 
 import jsonschema
 import pytest
 import yaml
+from conftest import ROOT
 from test_project import bibliography, blocks, requirements
 
-ROOT = Path(__file__).resolve().parents[1]
 METADATA = runpy.run_path(str(ROOT / "book" / "metadata.py"))
 RECORDS = sorted((ROOT / "book" / "results").glob("**/*.json"))
 FORMATS = ROOT / "tests" / "data" / "metadata"

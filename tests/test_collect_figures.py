@@ -1,18 +1,14 @@
 """The figures of executed copies are gathered with their numbers and with what made them."""
 
 import json
-import sys
-from pathlib import Path
 
+import collect_figures
 import nbformat
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from conftest import ROOT
 from PIL import Image
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "book"))  # is not installed
-
-import collect_figures
 
 from himap.app.notebook_files import (
     STAMP,
@@ -27,8 +23,6 @@ from himap.app.notebook_files import (
 from himap.app.notebooks import find
 from himap.figures.numbers import QUOTED
 from himap.maps.healpix_io import write_maps
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture(scope="module")

@@ -3,12 +3,11 @@
 import ast
 import re
 from functools import reduce
-from pathlib import Path
 from pkgutil import resolve_name
 
 import pytest
+from conftest import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 ROWS = re.findall(r"^\| ([\dA.]+) \|(.*)\|$", (ROOT / "book" / "equations.md").read_text(), re.M)
 
 

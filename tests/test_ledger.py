@@ -3,9 +3,9 @@
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from conftest import ROOT
 from ledgers import NOT_PCA, SD, SHORT, TINY, contrast, entry, finding, judged
 from pages import cells
 
@@ -20,8 +20,6 @@ from himap.paper.claims.base import BEAMS, places_of
 from himap.paper.claims.entries import entries, finding_rows
 from himap.paper.experiments.claims import EXPERIMENT, JudgedSky, realisations, skies
 from himap.paper.ledger_table import BADGES, LedgerTable, cause, plain_table, summary
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_rows_there_and_back():

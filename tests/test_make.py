@@ -5,11 +5,9 @@ import re
 import shutil
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).resolve().parents[1]
+from conftest import ROOT
 
 COPIED = ["Makefile", "requirements.txt", "requirements.lock", "pyproject.toml", "_config.yml", "_toc.yml"]
 COPIED += ["CHANGELOG.md", "CITATION.cff"]

@@ -8,13 +8,12 @@ import subprocess
 import sys
 import tarfile
 import zipfile
-from pathlib import Path
 
 import pytest
+from conftest import ROOT
 
 from himap import __version__
 
-ROOT = Path(__file__).resolve().parents[1]
 BUILT = {"PKG-INFO", "setup.cfg"}
 
 pytest.importorskip("setuptools", minversion="77", reason="an older one does not read our pyproject.toml")

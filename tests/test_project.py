@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 import yaml
 from book_examples import blocks, example_of
+from conftest import ROOT
 from cube_files import run, write_hdf5
 from test_style import lint_imports
 
@@ -29,7 +30,6 @@ from himap.app.notebooks import find
 from himap.app.parameters import check_parameters, parse_texts
 from himap.core.survey import PRESETS
 
-ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "book").glob("*.md"))]
 NOTEBOOKS = sorted(path.stem for path in (ROOT / "notebooks").glob("*.py") if path.stem[0].isdigit())
 PAPER = [f"Fig. {number}" for number in (*range(1, 8), "A.1", "A.2", "B.1", "B.2", "B.3")] + ["Table 1"]

@@ -7,11 +7,10 @@ listed here, page by page.
 import ast
 import re
 from collections import Counter
-from pathlib import Path
 
 import pytest
+from conftest import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("[0-9]*.py"))
 PAGES = {
     path.relative_to(ROOT).as_posix(): path

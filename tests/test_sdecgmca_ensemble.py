@@ -16,11 +16,10 @@ another floor of the last S. A share K of 0.2, thresholds twice as high and A >=
 distributions: these the first iterations find, in test_sdecgmca_reference.py.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import ROOT
 from scipy.stats import binomtest
 
 from himap.core.survey import Survey
@@ -34,7 +33,6 @@ from himap.paper.readings import FAILING
 from himap.paper.record import Record
 from himap.sky.galaxy import Galaxy
 
-ROOT = Path(__file__).resolve().parents[1]
 N_RESTARTS, N_ITERATIONS = 8, 10
 CASE = Case(survey=Survey.preset("ci"), galaxy=Galaxy(source="synthetic"), beam=Oscillating())
 METHODS = [authors.of_code(CASE.beam, restart=k) for k in range(N_RESTARTS)]

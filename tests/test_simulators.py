@@ -5,7 +5,6 @@ The files are made here, in formats that the public codes and their notes descri
 
 import os
 import shlex
-from pathlib import Path
 
 import h5py
 import healpy as hp
@@ -13,6 +12,8 @@ import numpy as np
 import pytest
 from astropy.io import fits
 from astropy.wcs import WCS
+from book_examples import blocks
+from conftest import ROOT
 from cube_files import FREQS, N_PIX, NSIDE, run, write_container
 
 from himap.cubes import clean_cube, read_cube
@@ -23,12 +24,7 @@ EDGES = np.linspace(900, 1020, 25)
 CENTRES = (EDGES[1:] + EDGES[:-1]) / 2
 
 
-PAGE = Path(__file__).parents[1] / "book" / "simulators.md"
-
-
-def blocks(language):
-    """The code in a language on the page."""
-    return [block.partition("```")[0] for block in PAGE.read_text().split(f"```{language}\n")[1:]]
+PAGE = (ROOT / "book" / "simulators.md").read_text()
 
 
 def check_read(path, maps, *said, freqs=CENTRES, exact=False, given_freqs=None, **given):
@@ -129,12 +125,6 @@ class TestContainers:
         assert not read_cube("map.h5", unit="K", order="RING").mask[7]
 
 
-def test_tables_of_channels_that_descend(maps):
-    np.save("a.npy", maps)
-    np.savetxt("nu.txt", np.array([EDGES[:-1], EDGES[1:]]).T[::-1])
-    check_read("a.npy", maps[::-1], given_freqs="nu.txt", unit="mK", order="RING", exact=True)
-
-
 @pytest.mark.parametrize("shape", [(1, 24), (24, 1)])
 def test_one_row_or_column_is_a_list(shape, maps):
     np.save("a.npy", maps)
@@ -156,7 +146,7 @@ def meer21cm(rng):
 def test_arrays_of_meer21cm(rng):
     """What the page has for them in Python is the cube that its options make of the array as it is."""
     wcs, maps, freqs = meer21cm(rng)
-    code = next(code for code in blocks("python") if "transposed.fits" in code)
+    code = next(code for code in blocks(PAGE, "python") if "transposed.fits" in code)
     exec(code, {"wcs": wcs, "maps": maps, "freqs": freqs})
     cube = read_cube("transposed.fits")
     assert cube.freqs == pytest.approx(freqs)
@@ -182,7 +172,9 @@ def test_the_commands_on_the_page_run_in_order(maps, rng):
     wcs, array, freqs = meer21cm(rng)
     fits.writeto("cube.fits", array, wcs.to_fits()[0].header)
     np.savetxt("nu.txt", freqs)
-    lines = [line for block in blocks("bash") for line in block.splitlines() if line.startswith("himap")]
+    lines = [
+        line for block in blocks(PAGE, "bash") for line in block.splitlines() if line.startswith("himap")
+    ]
     assert len(lines) >= 6
     for line in lines:
         run(*shlex.split(line, comments=True)[1:])

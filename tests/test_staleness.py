@@ -1,17 +1,15 @@
 """Stored results: what made them, and which are stale."""
 
 import json
-from pathlib import Path
 
 import pytest
 
 from himap.app import stored
 from himap.app.notebooks import find
-from himap.app.stored import stale_results, stored_results
+from himap.app.stored import RESULTS, stale_results, stored_results
 from himap.store.fingerprint import CodeTree
 from himap.store.sources import behind
 
-RESULTS = Path(__file__).resolve().parents[1] / "book" / "results"
 NOTEBOOK = """\
 # %% mystnb={"figure": {"name": "fig-a", "caption": "One."}}
 1 + 1
