@@ -2,10 +2,12 @@
 
 import functools
 import os
+import resource
 import shutil
 import subprocess
 import sys
 import threading
+from contextlib import contextmanager
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -70,6 +72,17 @@ def run_python(*arguments, **variables):
     """A finished process of this Python, of this himap, with more variables in its environment."""
     environment = os.environ | {"PYTHONPATH": str(Path(himap.__file__).parents[1])} | variables
     return subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True)
+
+
+@contextmanager
+def little_room(n_bytes):
+    """A limit on the size of files stands for the end of the disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.fixture

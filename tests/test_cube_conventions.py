@@ -1,14 +1,13 @@
 """What files say in the ways of other programs is honoured, and what was taken from them is said."""
 
 import os
-import resource
-from contextlib import contextmanager
 
 import h5py
 import numpy as np
 import pytest
 from astropy.io import fits
 from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
+from conftest import little_room
 from cube_files import run
 
 from himap.core.errors import InputError
@@ -239,21 +238,11 @@ class TestFullDisk:
     def test_the_cube(self, name, here):
         write_hdf5("a.h5", np.tile(good_maps(), (1, 64)))
         before = sorted(here.iterdir())
-        with self.little_room(100_000):
+        with little_room(100_000):
             done = run("clean", "a.h5", "--method", "pca", "-p", "n_sources=2", "-o", name, code=2)
         said = " ".join(done.output.split())
         assert f"{name} cannot be written" in said and "give another place" in said
         assert sorted(here.iterdir()) == before
-
-    @staticmethod
-    @contextmanager
-    def little_room(n_bytes):
-        before = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, before[1]))
-        try:
-            yield
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_messages_are_short_and_plain():

@@ -43,6 +43,15 @@ def test_brightness_is_the_rms_of_both_cubes():
     assert found[0, 0] > found[1, 0] > found[1, 1]
 
 
+def _observe(monkeypatch, hi, truth, maps, flagged):
+    """In the place of an observation, its peaks, and its HI."""
+    observed = SimpleNamespace(maps=maps, truth=truth, freqs=np.linspace(900, 920, len(maps)))
+    monkeypatch.setattr(pipeline, "observation", lambda case: observed)
+    masked = PeakMasked(maps=maps, flagged=flagged)
+    monkeypatch.setattr(pipeline, "peak_masked", lambda case, spread: masked)
+    monkeypatch.setattr(pipeline, "hi_seen", lambda case: hi)
+
+
 def _with_peaks(monkeypatch, hi, noise, foreground):
     """Peaks of each kind, {(channel, pixel): mK}, on lines of sight that are smooth else; all are flagged."""
     shape = (SURVEY.n_channels, SURVEY.n_pix)
@@ -53,11 +62,7 @@ def _with_peaks(monkeypatch, hi, noise, foreground):
             parts[-1][place] += height
             flagged[place] = True
     truth = parts[0] + parts[1]
-    observed = SimpleNamespace(maps=truth + parts[2], truth=truth, freqs=SURVEY.freqs)
-    monkeypatch.setattr(pipeline, "observation", lambda case: observed)
-    masked = PeakMasked(maps=observed.maps, flagged=flagged)
-    monkeypatch.setattr(pipeline, "peak_masked", lambda case, spread: masked)
-    monkeypatch.setattr(pipeline, "hi_seen", lambda case: parts[0])
+    _observe(monkeypatch, parts[0], truth, truth + parts[2], flagged)
 
 
 def test_a_masked_voxel_belongs_to_what_stands_out_most(monkeypatch):
@@ -74,16 +79,13 @@ def test_no_cube_is_held_but_hi_through_the_beam(monkeypatch, rng):
     """At the paper's size nearly every line of sight has a peak, and each cube is 1.6 GB."""
     shape = (10, 786432)  # so that the block of each thread is a small part, whatever their number
     cube = rng.standard_normal(shape).astype(np.float32)
-    observed = SimpleNamespace(maps=cube + 1, truth=cube, freqs=np.linspace(900, 920, 10))
-    monkeypatch.setattr(pipeline, "observation", lambda case: observed)
-    masked = PeakMasked(maps=observed.maps, flagged=rng.random(shape) < 0.2)
-    monkeypatch.setattr(pipeline, "peak_masked", lambda case, spread: masked)
-    monkeypatch.setattr(pipeline, "hi_seen", lambda case: cube)
+    flagged = rng.random(shape) < 0.2
+    _observe(monkeypatch, cube, cube, cube + 1, flagged)
     tracemalloc.start()
     counts = evidence.masked_voxels.compute(None)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert counts.sum() == masked.flagged.sum()
+    assert counts.sum() == flagged.sum()
     assert peak < 6 * cube.nbytes
 
 

@@ -2,13 +2,12 @@
 
 import errno
 import os
-import resource
 import signal
 import socket
 from pathlib import Path
 
 import pytest
-from conftest import run_python
+from conftest import little_room, run_python
 
 from himap.core.errors import InputError
 from himap.core.files import atomic_files, check_free, complete_abandoned
@@ -97,15 +96,11 @@ def test_an_error_leaves_nothing(tmp_path):
 
 
 def test_the_file_that_cannot_be_written_is_named(tmp_path):
-    """Here the second: a limit on the size of files stands for the end of the disk."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    """Here the second."""
     files = [tmp_path / name for name in NAMES]
     message = f"b.txt cannot be written .{os.strerror(errno.EFBIG)}"
     with pytest.raises(InputError, match=message), atomic_files(*files) as temporary:
         temporary[0].write_text("small")
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
-        try:
+        with little_room(1000):
             temporary[1].write_text("x" * 10**6)
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert os.listdir(tmp_path) == []

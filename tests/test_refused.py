@@ -262,7 +262,6 @@ TABLE = [
     *((partial(clean, "pca"), "freqs", FREQS * factor, "looks like another unit") for factor in (1e-3, 1e6)),
     (partial(clean, "pca"), "freqs", FREQS + 1j, "real numbers"),
     *((partial(clean, "pca"), "freqs", FREQS * bad, "positive and finite") for bad in (np.nan, -1, np.inf)),
-    (partial(clean, "pca"), "freqs", FREQS[::-1], "must be ascending"),
     (Survey, "dish_diameter", 10**400, "must be a number, got 1000"),
     (partial(clean, "pca", 2), "maps", [[1, 2], [3]], "one array, got rows of unequal length"),
     (angular_power, "maps", [[1, 2], [3]], "one array, got rows of unequal length"),

@@ -1,13 +1,11 @@
 """The contract that every method of foreground removal fulfils, and the closed forms of each."""
 
-import os
-import subprocess
-import sys
 from functools import cache
 
 import numpy as np
 import pytest
 from book_examples import added
+from conftest import run_python
 from sklearn.decomposition import PCA as SklearnPCA
 
 from himap import removal
@@ -196,18 +194,9 @@ for name, options in runs:
 def test_same_bits_whatever_the_number_of_threads():
     """Every method, in processes of one and of two threads."""
     variables = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "DUCC0_NUM_THREADS")
-    outputs = [
-        subprocess.run(
-            [sys.executable, "-c", DIGESTS],
-            env=os.environ | dict.fromkeys(variables, threads),
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        for threads in ("1", "2")
-    ]
-    assert outputs[0] == outputs[1]
-    assert all(name in outputs[0] for name in METHODS)
+    one, two = (run_python("-c", DIGESTS, **dict.fromkeys(variables, threads)) for threads in "12")
+    assert one.returncode == two.returncode == 0, one.stderr + two.stderr
+    assert one.stdout == two.stdout and all(name in one.stdout for name in METHODS)
 
 
 @pytest.fixture
