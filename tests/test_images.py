@@ -8,7 +8,7 @@ from cube_files import run
 from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, header_of, write_image
 
 from himap.core.errors import InputError
-from himap.cubes import clean_cube, measure_transfer, read_cube, save_cleaned, suggest
+from himap.cubes import clean_cube, measure_transfer, read_cube, save_cleaned
 from himap.cubes.spectra import PlaneSpectra, spectra_of
 from himap.measures.cylindrical import cell_of
 
@@ -100,10 +100,6 @@ class TestCleaning:
         assert written == ["c.npy", "c_foreground.npy", "c_mixing.txt"]
         assert np.array_equal(np.load(tmp_path / "c.npy"), cleaned.residual.reshape(images.shape))
         assert [path.name for path in save_cleaned(cleaned, tmp_path / "c.h5")] == ["c.h5"]
-
-    def test_suggest(self, images, tmp_path):
-        path = write_image(tmp_path / "a.fits", images)
-        assert suggest(read_cube(path), n_sources=range(1, 6)).best == 2
 
 
 @pytest.mark.usefixtures("no_pages")

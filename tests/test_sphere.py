@@ -69,12 +69,6 @@ def test_gaussian_alm_has_its_spectrum(rng):
     assert (np.abs(mean / cl - 1) < 4.5 * scatter).all()
 
 
-def test_a_beam_smooths_like_healpy(pixels):
-    fwhm = np.deg2rad(10)
-    blurred = sphere.multiply_beam(sphere.analyse(pixels, LMAX), hp.gauss_beam(fwhm, LMAX))
-    assert sphere.synthesise(blurred, NSIDE) == pytest.approx(hp.smoothing(pixels, fwhm=fwhm), abs=1e-6)
-
-
 def test_a_cube_keeps_faint_signals_under_bright_ones(pixels):
     """The one rounding is that of the result to float32: nothing of a signal of 5e-7 is lost before."""
     total = 0.05 * pixels + 1e5 * (2 + pixels[::-1])
