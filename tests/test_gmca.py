@@ -16,7 +16,7 @@ from himap.maps.starlets import PlaneStarlets, starlet_filters
 from himap.removal.base import SeparationWarning
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
-from himap.removal.thresholds import median, sparse
+from himap.removal.thresholds import deviation, median, ranked, sparse
 
 NSIDE = 16
 N_PIX = 12 * NSIDE**2
@@ -182,6 +182,13 @@ def test_thresholds_are_those_of_numpy(rng, n, share, soft):
 
 @pytest.mark.parametrize("decimals", [0, 9], ids=["with ties", "without"])
 @pytest.mark.parametrize("n", [1, 2, 7, 1000, 1001])
-def test_median_is_that_of_numpy(rng, n, decimals):
+def test_ranks_medians_and_deviations_are_those_of_numpy(rng, n, decimals):
     values = rng.standard_normal(n).round(decimals)
     assert median(values) == np.median(values)
+    for rank in {0, n // 4, n // 2, n - 1}:
+        assert ranked(values, rank) == np.sort(values)[rank]
+    expected = np.median(np.abs(values - np.median(values))) / 0.6735
+    assert deviation(values) == pytest.approx(expected, rel=1e-14)
+    for refused, rank in ((values, n), (values, -1), (values.astype(np.float32), 0)):
+        with pytest.raises(ValueError, match="rank|view"):
+            ranked(refused, rank)

@@ -16,7 +16,6 @@ from himap.removal.data import Data
 from himap.removal.sdecgmca.method import SDecGMCA, Step
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 from himap.removal.sdecgmca.scales import Scales
-from himap.removal.thresholds import deviation, ranked
 
 FREQS = np.linspace(900, 1400, 8)
 QUICK = {"n_sources": 4, "n_warmup": 10, "n_refinement": 5, "noise": 0.5, "n_scales": 3}
@@ -189,16 +188,3 @@ class TestOptions:
         assert np.isfinite(clean(replace(method, thresholds="mad"), problem[0]).residual).all()
         with pytest.raises(InputError, match="thresholds='analytic'"):
             clean(replace(method, thresholds="analytic"), problem[0])
-
-
-@pytest.mark.parametrize("n", [1, 2, 5, 1000, 1001])
-def test_ranks_and_deviations_are_those_of_numpy(rng, n):
-    values = rng.standard_normal(n) ** 3
-    values[: n // 3] = 0.0
-    for rank in {0, n // 4, n // 2, n - 1}:
-        assert ranked(values, rank) == np.sort(values)[rank]
-    expected = np.median(np.abs(values - np.median(values))) / 0.6735
-    assert deviation(values) == pytest.approx(expected, rel=1e-14)
-    for refused, rank in ((values, n), (values, -1), (values.astype(np.float32), 0)):
-        with pytest.raises(ValueError, match="rank|view"):
-            ranked(refused, rank)
