@@ -63,7 +63,7 @@ def test_start_is_the_space_of_the_spectra_at_the_worst_beam(rng):
     assert largest_angle(blurred, mixing) > 0.05
 
 
-def test_noise_of_sources(small, rng):
+def test_noise_of_sources(small):
     channels, mixing = small
     inverses = harmonic.safe_inverse(channels.matrices(mixing))
     expected = [np.diag(inverse @ np.diag(channels.noise) @ inverse.T) for inverse in inverses]

@@ -223,7 +223,7 @@ def test_ledgers_stand_side_by_side():
     assert [row[3].partition("<br>")[2] for row in rows] == ["holds in: SD a 0%", ""]
 
 
-def test_choices_that_change_a_verdict(tmp_path):
+def test_choices_that_change_a_verdict():
     """Each record is compared with the ledger on the skies that both have."""
     rows = [
         {"seed": seed} | row

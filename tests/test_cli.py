@@ -257,7 +257,7 @@ main.main(["work", "--jobs", "2"])
 """
 
 
-def test_modules_in_the_current_folder_do_not_run(himap_command, tmp_path, monkeypatch):
+def test_modules_in_the_current_folder_do_not_run(himap_command, tmp_path):
     """Neither in the command, nor in a kernel, nor in a process that shares the work: they leave no mark."""
     for name in PACKAGES:
         Path(f"{name}.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")

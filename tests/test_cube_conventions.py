@@ -97,7 +97,7 @@ class TestFITS:
 
 
 class TestSaid:
-    def test_what_was_taken(self, maps):
+    def test_what_was_taken(self):
         write_folder("folder", ["bw20MHz_900MHz", "bw20MHz_910MHz"])
         done = run("clean", "folder", "--method", "pca", "-p", "n_sources=1", "--keep-peaks", "-o", "c.h5")
         said = "2 channels from 900 to 910 MHz, given by the names of its files; maps of nside 4 in mK, "

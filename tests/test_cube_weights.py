@@ -63,7 +63,7 @@ class TestReading:
         assert missing.startswith(f"{np.mean(weights == 0):.2%} of the voxels")
 
     @pytest.mark.parametrize("kind", ["npy", "npy turned", "ring.fits", "nested.fits", "h5", "own.h5"])
-    def test_all_formats_say_the_same(self, kind, maps, hits, flags):
+    def test_all_formats_say_the_same(self, kind, hits, flags):
         weights, bad = np.where(flags, 0, hits) + 0.5 * (hits > 0), flags.copy()
         expected = read_cube("cube.h5", weights=weights, flags=flags)
         names = f"w.{kind}", f"f.{kind}"
@@ -116,7 +116,7 @@ class TestReading:
         cube = read_cube("gaps.h5", weights=np.ones(N_PIX))
         assert np.array_equal(cube.missing, gaps) and cube.whole_sky
 
-    def test_equal_weights_are_no_weights(self, maps):
+    def test_equal_weights_are_no_weights(self):
         cube = read_cube("cube.h5", weights=np.full(N_PIX, 3), flags=np.zeros(SHAPE, bool))
         assert cube.weights is None and cube.missing is None and cube.remarks == read_cube("cube.h5").remarks
         left = [clean_cube(one, "gmca", n_sources=2).residual for one in (cube, read_cube("cube.h5"))]

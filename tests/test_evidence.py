@@ -132,7 +132,7 @@ class TestWithoutPointSources:
             expected = sphere.synthesise(sphere.multiply_beam(sphere.analyse(row), window), SURVEY.nside)
             assert found == pytest.approx(expected, abs=float(1e-5 * expected.std()))
 
-    def test_maps_that_the_method_refuses_have_a_reason(self, monkeypatch):
+    def test_maps_that_the_method_refuses_have_a_reason(self):
         """At this size the Galaxy alone rings below zero on some lines of sight."""
         case = replace(CASE, beam=Degraded())
         assert "is not; give maps" in evidence.spectra_without_sources.compute(case, Parametric())

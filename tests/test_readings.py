@@ -154,7 +154,7 @@ class TestEvaluate:
         assert at[:3] == (2, 3, 4) and at[-1] > 450 and len(at) <= 40
         assert means == pytest.approx(3 * np.array(at))
 
-    def test_rows_of_another_version(self, tiny):
+    def test_rows_of_another_version(self):
         row = dict.fromkeys(COLUMNS) | {"reading": "default", "restart": 0, "quantity": "D1"}
         for name, value in (("reading", "backwards"), ("quantity", "Z9")):
             rows = experiment.EXPERIMENT.frame([{"seed": 7} | row | {name: value}])

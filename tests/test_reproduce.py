@@ -117,7 +117,7 @@ def test_what_a_notebook_says_of_itself(folder):
     assert [p.name for p in notebook.parameters] == ["preset", "scale", "mode", "survey"]
 
 
-def test_finding_a_notebook(folder, tmp_path):
+def test_finding_a_notebook(folder):
     for name in ["01_toy", "01", "notebooks/01_toy.ipynb", str(folder / "01_toy.py")]:
         assert notebooks.find(name, folder).name == "01_toy"
     with pytest.raises(InputError, match=r"no notebook '01_tyo' \(did you mean 01_toy\?\); there are 01_toy"):
@@ -228,7 +228,7 @@ def test_bad_outputs_are_refused_at_once(folder, tmp_path):
 SECONDS = r'"seconds": [\d.]+'  # all that two executions of the same code differ in
 
 
-def test_refreshing_executes_once_and_writes_the_same_file_again(folder, tmp_path):
+def test_refreshing_executes_once_and_writes_the_same_file_again(folder):
     assert reproduce.stale(folder) == {"01_toy": "there is no executed notebook"}
     said = []
     done = reproduce.refresh(folder=folder, report=lambda *what: said.append(what))

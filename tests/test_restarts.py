@@ -74,7 +74,7 @@ class TestEnsemble:
         assert kept == [k == ensemble.medoid_index for k in range(6)]
 
 
-def test_contrast(rng, planted):
+def test_contrast(planted):
     """1 of noise, whatever the foreground, and of nothing; of a change the residual with it counts."""
     one = planted(error=planted.follows)
     foreground = one.separation.foreground

@@ -116,7 +116,7 @@ class TestRestarts:
         assert (diagnostics["refinement_change"] <= 1e-4) == separation.converged
         assert 0 <= diagnostics["floored"] <= 1 and diagnostics["cost"] > 0
 
-    def test_cost_is_misfit_and_penalty(self, problem, rng):
+    def test_cost_is_misfit_and_penalty(self, problem):
         """Of sources that vanish it is the power of the data, of those of the truth only the penalty."""
         maps, mixing, sources = problem
         mixture = mixture_of(maps, noise=1e-6)

@@ -16,7 +16,7 @@ from himap.core.errors import InputError
 from himap.paper.authors_code import CHANGE, ITERATIONS, VARIANTS, AuthorsCode, difference
 from himap.removal import harmonic
 
-NSIDE, LMAX, N_SCALES = 32, 64, 5
+NSIDE = 32
 CODE = AuthorsCode.read(Path(__file__).parent / "data" / "sdecgmca_small.npz")
 REFERENCE = CODE.arrays
 STEPS = [(0, 1), (0, 2), (0, 3), (0, 5), (5, 10)]

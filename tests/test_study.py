@@ -88,7 +88,7 @@ def test_a_reading_is_told_under_figures_unless_it_is_the_default(study):
 
 
 @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
-def test_a_chaotic_method_is_an_ensemble_of_restarts(monkeypatch):
+def test_a_chaotic_method_is_an_ensemble_of_restarts():
     study = Study(preset="ci", overrides=TINY, n_restarts=3)
     apart = {"reading": "code-rounding", "beyond": "regularised"}  # its restarts differ after few iterations
     chaotic, pca = SDecGMCA(n_sources=2, n_warmup=2, n_refinement=1, **apart), PCA(n_sources=2)
