@@ -12,7 +12,7 @@ from himap.instrument import beams as all_beams
 from himap.instrument.beams.base import DISH, Beam
 from himap.removal import available, create
 from himap.removal.base import REGISTRY, ForegroundRemover, SeparationWarning
-from himap.removal.cleaning import Cleaning, without_peaks
+from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
 from himap.removal.peaks import least_channels
 from himap.removal.restarts import Ensemble, checked_restarts, has_restarts, remarks_on_one
@@ -119,9 +119,7 @@ def cleaning_of(cube, method, beams=None, *, peaks=True, seed=2025):
             f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
             f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
         )
-    data = _data_of(cube, method, beams, seed)
-    basis = without_peaks(data) if peaks else data
-    return CleanedCube(data=data, method=method, basis=basis, cube=cube)
+    return CleanedCube.of(_data_of(cube, method, beams, seed), method, peaks=peaks, cube=cube)
 
 
 def _data_of(cube, method, beams, seed=0):

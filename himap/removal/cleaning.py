@@ -36,9 +36,9 @@ class Cleaning:
             object.__setattr__(self, "basis", self.data)
 
     @classmethod
-    def of(cls, data, method, *, peaks=True):
-        """The `Cleaning` of data, with `peaks` found where these are masked (paper, Sect. 4.1)."""
-        return cls(data=data, method=method, basis=without_peaks(data) if peaks else data)
+    def of(cls, data, method, *, peaks=True, **fields):
+        """The `Cleaning` of data, with `peaks` found where these are masked (Sect. 4.1); further `fields`."""
+        return cls(data=data, method=method, basis=without_peaks(data) if peaks else data, **fields)
 
     @cached_property
     def separation(self):
