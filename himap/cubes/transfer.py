@@ -1,6 +1,7 @@
 """Spectra of a cleaned cube, corrected by mocks for signal loss and foreground residual."""
 
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -279,9 +280,7 @@ def correct(cleaned, transfer, spectra, truth=None):
 
 def _ends(middles):
     """Ends of bins of l that follow each other from l = 0 on, in which each l counts the same, (2, n)."""
-    ends = [-0.5]
-    for middle in middles:
-        ends.append(2 * middle - ends[-1])
+    ends = [*accumulate(middles, lambda end, middle: 2 * middle - end, initial=-0.5)]
     return np.array([ends[:-1], ends[1:]])
 
 
