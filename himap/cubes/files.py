@@ -15,7 +15,7 @@ from himap.cubes import fits, hdf5
 from himap.cubes.axes import check_names, pixel_axis, remark_on_axes
 from himap.cubes.cube import are_scattered, make_cube
 from himap.cubes.layout import Layout, check_cube_room, is_seen, same_freqs
-from himap.cubes.weights import is_path, voxel_weights, weight_datasets
+from himap.cubes.weights import voxel_weights, weight_datasets
 from himap.maps.frames import frame_of, is_nested
 from himap.maps.healpix_io import temperature_unit
 from himap.maps.sphere import sphere_sizes
@@ -185,7 +185,7 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
         What is given contradicts the file, or neither says what is needed.
     """
     pixels, freqs_from = layout.pixels, layout.freqs_from or "what was given"
-    if is_path(freqs):
+    if isinstance(freqs, str | os.PathLike):
         freqs, given_from = read_freqs(freqs)
         freqs_from = layout.freqs_from or given_from
     freqs = freqs.to_value("MHz") if hasattr(freqs, "to_value") else freqs

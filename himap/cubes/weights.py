@@ -24,17 +24,14 @@ _RIGHT = {
 _UNSEEN = {"weights": 0.0, "flags": 1.0, "mask": 0.0}  # what is NaN, or UNSEEN, in FITS: bad, of no weight
 
 
-def is_path(given):
-    """Whether it is the name of a file, and no array."""
-    return isinstance(given, str) or hasattr(given, "__fspath__")
-
-
 def weight_datasets(path, weights, flags):
     """Which datasets of the cube's own HDF5 file are its weights and flags, and no maps: a set of names."""
     names = set()
     for name, given in {"weights": weights, "flags": flags}.items():
         with suppress(OSError, ValueError):
-            names |= {name} if is_path(given) and os.path.samefile(path, given) else set()
+            names |= (
+                {name} if isinstance(given, str | os.PathLike) and os.path.samefile(path, given) else set()
+            )
     return names
 
 
@@ -83,8 +80,9 @@ def read_mask(path, layout, *, rotate=False):
 
 def _values(given, word, layout, shape, rotate):
     """Checked numbers (n_channels or 1, n_pix), RING, of an array or path; the layout of the cube."""
-    label, own = f"the {word} {given}" if is_path(given) else f"the {word}", layout.pixels
-    if is_path(given):
+    label, own = f"the {word}", layout.pixels
+    if isinstance(given, str | os.PathLike):
+        label = f"the {word} {given}"
         values, theirs = _read(given, word, layout)
     else:
         values, theirs = _by_channel(label, given, own), Layout(pixels=own)
