@@ -161,8 +161,7 @@ def _table(path):
                 f"{with_comma[0].replace(',', '.')}, and blanks between columns."
             )
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of a file without numbers
+        with warnings.catch_warnings(action="ignore", category=UserWarning):  # of a file without numbers
             return np.loadtxt([line.replace(",", " ") for line in lines], ndmin=1)
     except ValueError as error:
         word = next(

@@ -221,7 +221,6 @@ def _make(product, call, settings, folder=None, asking=None):
         del os.environ[name]
     os.environ.update(settings)
     n_before = len(MADE)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         product(*call)
     return MADE[n_before:], [(str(warning.message), warning.category) for warning in caught]

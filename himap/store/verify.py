@@ -114,13 +114,12 @@ def compared(calls, names, rtols=None):
     They have a cache of their own, so that nothing is read that former code made.
     """
     probes, results = _stored(fingerprint.PROBES)["calls"], {}
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of small maps
-        with patch.dict(os.environ, HIMAP_CACHE=folder):
-            for name in progress(names, "canonical calls"):
-                given = [summary(call()) for call in calls[name]]
-                stored = probes[name]["gives"] if name in probes else given
-                results[name] = given, differences(stored, given, (rtols or {}).get(name, RTOL))
+    quiet = warnings.catch_warnings(action="ignore")  # of small maps
+    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, HIMAP_CACHE=folder), quiet:
+        for name in progress(names, "canonical calls"):
+            given = [summary(call()) for call in calls[name]]
+            stored = probes[name]["gives"] if name in probes else given
+            results[name] = given, differences(stored, given, (rtols or {}).get(name, RTOL))
     return results
 
 
