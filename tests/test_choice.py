@@ -49,6 +49,10 @@ class TestCriteria:
         values[:4] *= [1e4, 1e3, 10, 2.9]
         assert n_sources.n_significant(values) == 3
 
+    @pytest.mark.parametrize("n", [3, 4, 5])
+    def test_one_bright_eigenvalue_of_few(self, n):
+        assert n_sources.n_significant(np.array([1e10, 1, 0.9, 0.8, 0.7])[:n]) == 1
+
     def test_changes_and_where_they_settle(self):
         spectra = [
             (np.full(3, p), np.full(2, q)) for p, q in ((10.0, 1.0), (2.0, 1.0), (2.0, 0.95), (1.0, 0.95))

@@ -51,6 +51,8 @@ def test_definitions_of_the_mean_squared_error():
     for definition, error in expected.items():
         assert diagnostics.mean_squared_error(found, true, definition) == pytest.approx(error)
         assert diagnostics.mean_squared_error(true, true, definition) == 0
+        assert diagnostics.mean_squared_error(np.append(found[1:], np.nan), true, definition) == np.inf
+    assert diagnostics.mean_squared_error(-true, true, "logarithmic") == np.inf
 
 
 def test_within_two_ends():

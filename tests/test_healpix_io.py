@@ -105,6 +105,13 @@ class TestReading:
         expected = np.where(whole == 8, np.nan, 0.5 * whole + 3.5)  # which is 8 for another one
         assert np.array_equal(read_maps(path).maps[0], expected, equal_nan=True)
 
+    def test_unseen_is_looked_for_before_scaling(self, maps, path):
+        column = maps[0].astype(np.float32)
+        column[:3] = hp.UNSEEN
+        write_table(path, [column], TSCAL1=1000)
+        found = read_maps(path).maps[0]
+        assert np.isnan(found[:3]).all() and found[3:] == pytest.approx(1000 * column[3:])
+
     def test_unsigned_integers_and_many_pixels_a_row(self, maps, path):
         whole = np.arange(N_PIX, dtype=np.uint16) + 40_000
         write_table(path, [whole], form="I", bzero=32768)

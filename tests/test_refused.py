@@ -42,7 +42,7 @@ from himap.removal.restarts import Ensemble
 from himap.removal.smooth_spectra import SmoothSpectra
 from himap.sky.cosmology import Cosmology
 from himap.sky.galaxy import Dimming, Galaxy
-from himap.sky.hi import hi_maps
+from himap.sky.hi import hi_maps, lognormal_box
 
 N_PIX = 192
 FREQS = np.linspace(902.5, 1397.5, 100)
@@ -144,6 +144,9 @@ TABLE = [
     (Cosmology().comoving_distance, "z", 7.0, BETWEEN),
     (Cosmology().redshift_at, "distance", 9000.0, BETWEEN),
     (Cosmology, "omega_m", 0.04, "omega_b < omega_m"),
+    (Cosmology, "omega_m", "a", r"omega_m \(density of matter, today\) must be a number, got 'a'"),
+    (Cosmology, "h", -1.0, "must be above 0, got -1.0"),
+    (partial(lognormal_box, 8, 1000.0, None), "hi_bias", "Contrast", "must be exponential or contrast"),
     (named, "text", "square", "unknown beam 'square'; there are degraded, evolving, file, "),
     (named, "text", "evolving:width=3", "evolving has no parameter 'width'; its parameters are none"),
     (named, "text", "oscillating:riple=additive", r"did you mean ripple\?"),
@@ -164,7 +167,9 @@ TABLE = [
     ),
     (FromFile, "path", "nowhere.txt", "there is no file nowhere.txt"),
     (windows("oscillating"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz"),
-    (windows("rippled"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz"),
+    (windows("rippled"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz.*oscillating:ripple=additive"),
+    (windows("evolving"), "freqs", 1000.0, "one MHz value per channel"),
+    (partial(windows("evolving"), [1000.0]), "dish_diameter", "a", "dish must be a diameter in m.*got 'a'"),
     (windows("meerkat"), "freqs", [971, 1023], "of UHF and L, got 971 to 1023.*name one: meerkat:band=UHF"),
     (windows("meerkat"), "freqs", [500, 600], "UHF from 550 to 1050 MHz, L from 900 to 1650 MHz.*leave out"),
     (windows("meerkat"), "freqs", [880, 1060], "one band alone, of UHF and L, got 880 to 1060"),
@@ -275,11 +280,14 @@ TABLE = [
     *((partial(whole_number, "n", low=1, high=4), "value", value, BETWEEN_1) for value in (0, 5, 2.5, None)),
     (powers, "mask", np.ones(12), "must have shape"),
     (powers, "mask", np.zeros(N_PIX), "keeps no pixel"),
+    (powers, "mask", np.ma.masked_array(np.ones(N_PIX, bool), np.arange(N_PIX) < 5), "has masked values"),
+    (powers, "mask", [[True], [True, False]], "rows of unequal length"),
     (powers, "mask", np.full(N_PIX, 2.0), "between 0 and 1"),
     (powers, "mask", np.full(N_PIX, np.nan), "between 0 and 1"),
     (powers, "mask", np.ma.masked_less(np.ones(N_PIX), 2), "the mask has masked values"),
     (angular_power, "maps", np.ma.masked_greater(ONES, 0), "maps has masked values"),
     (powers, "bin_width", 0, "bin_width"),
+    (partial(along, channel_width=1.0), "taper", ["hann"], "taper must be one of none, hann, got"),
     (partial(along, channel_width=1.0), "taper", "cosine", "taper must be one of none, hann, got 'cosine'"),
     *((along, "channel_width", value, "a positive number") for value in (0, -1, np.nan, np.inf, "4", 1j)),
     *((sphere.nside_of, "maps", np.zeros(n), f"got {n} pixels") for n in (100, 12 * 9**2)),
@@ -363,6 +371,7 @@ TABLE = [
     (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([900.0, 901, 905]), "evenly spaced"),
     (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([1410.0, 1420, 1430]), "below 1420.4"),
     (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([100.0, 101, 102]), BETWEEN),
+    (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([1000.0]), "two channels at least"),
 ]
 
 
