@@ -9,6 +9,8 @@ from himap.maps.low_rank import HarmonicModes, LowRankCube
 from himap.removal import harmonic
 from himap.removal.covariance import common_axes
 
+_FINE = 1e-12  # of the brightest spectrum at any l: far below a mode of HI
+
 
 @dataclass(frozen=True, kw_only=True)
 class SpectralFilter:
@@ -52,7 +54,7 @@ def filtered(spectra, estimators, project, modes, low=None):
     beyond -= harmonic.synthesise(as_last, sphere.nside_of(beyond))
     if low is not None:
         sources[:, : low.shape[1]] = low
-    foreground = on_sky(combined(sources, spectra), sphere.nside_of(beyond))
+    foreground = on_sky(combined(sources, spectra, _FINE), sphere.nside_of(beyond))
     return foreground + LowRankCube(spectra=spectra[-1], maps=beyond)
 
 
@@ -69,13 +71,14 @@ def through_beams(project, space, beams, modes):
     return filtered(bases, np.swapaxes(bases, 1, 2), project, modes)
 
 
-def combined(sources, spectra):
+def combined(sources, spectra, *least):
     """W_l S_l in as few spectra as they need, a `HarmonicModes`, mK.
 
-    S are real modes, (n, (lmax + 1)^2), W_l is (n_l, n_channels, n).
+    S are real modes, (n, (lmax + 1)^2), W_l is (n_l, n_channels, n); `least` as of `common_axes`.
     """
     pairs = list(zip(spectra, harmonic.blocks(sources), strict=True))
-    axes = common_axes([matrix @ np.linalg.qr(block.T, mode="r").T for matrix, block in pairs])
+    seen = [matrix @ np.linalg.qr(block.T, mode="r").T for matrix, block in pairs]
+    axes = common_axes(seen, *least)
     out = np.empty((axes.shape[1], sources.shape[1]))
     for (matrix, block), into in zip(pairs, harmonic.blocks(out), strict=True):
         np.matmul(axes.T @ matrix, block, out=into)
