@@ -120,15 +120,11 @@ def _powers(case, alms, mocked, removers, before):
     powers = []
     for remover, without in zip(removers, before, strict=True):
         rng = case.survey.rng(f"removal {remover.name}")
-        powers.append(_power(case, alms, without, mocked.with_method(remover, rng=rng).separation))
+        found = mocked.with_method(remover, rng=rng).separation
+        wrong = cleaned.difference(case, without.foreground, found.foreground)
+        own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
+        powers.append(mock_power(own, wrong, case.survey.channel_width))
     return powers
-
-
-def _power(case, alms, before, after):
-    """The `MockPower` of a mock, from the `Separation` of all but the mock, and of all with it."""
-    wrong = cleaned.difference(case, before.foreground, after.foreground)
-    own = alms if after.lmax is None else sphere.alms_upto(alms, min(after.lmax, case.survey.lmax))
-    return mock_power(own, wrong, case.survey.channel_width)
 
 
 @product
