@@ -45,11 +45,6 @@ def _with_and_without(sky, beam, measure, methods):
     return [each(sky, case, measure, methods) for case in (beam, LEFT_IN.format(beam))]
 
 
-def _known(values):
-    """Those that are not None, a list."""
-    return [value for value in values if value is not None]
-
-
 @claim("O8", "oscillating", "4.2", "1", "share of masked voxels that are ripple", "notable")
 def excess_of_masking(sky):
     """The excess at l < 10 is due to the peak masking, which misidentifies ripples as peaks.
@@ -75,7 +70,7 @@ def excess_of_masking(sky):
             for name, value in row.items()
         }
         ripple = counts[spread]["foreground"] / max(sum(counts[spread].values()), 1)
-        ripple = ripple if _known(gone.values()) else None
+        ripple = None if {*gone.values()} == {None} else ripple
         shares[f", sigma of the {spread}"] = gone | {"ripple": ripple}
 
     def parts_with(row, clip=""):
@@ -152,7 +147,7 @@ def masked_peaks(sky):
     counts = {beam: sky.masked_voxels(beam) for beam in BEAMS}
     shares = {beam: row["HI"] / n if (n := sum(row.values())) else None for beam, row in counts.items()}
     parts = parts_of(shares, above(MOST), "beam: most on HI peaks")
-    least = min(_known(shares.values()), default=None)
+    least = min((share for share in shares.values() if share is not None), default=None)
     return finding(least, parts, {"Masked voxels by what stands out most": counts}, "{}")
 
 
