@@ -39,13 +39,11 @@ def sky_brightness(survey, galaxy):
     `survey` is that of the sky, as `Survey.sky` gives it.
     """
     components, hi = pipeline.components_of_sky(survey, galaxy), pipeline.hi_of_sky(survey)
-    everywhere = np.ones(survey.n_pix, dtype=bool)
-    regions = [everywhere, np.abs(sphere.pixel_latitude(survey.nside)) > HIGH_LATITUDE]
-    squares = np.zeros((len(regions), 2))
+    regions = slice(None), np.abs(sphere.pixel_latitude(survey.nside)) > HIGH_LATITUDE
+    squares = np.zeros((2, 2))
     for freq, channel in zip(survey.freqs, hi, strict=True):
-        (bright,) = emission_maps(components, [freq])
-        for row, region in zip(squares, regions, strict=True):
-            row += [np.mean(np.square(maps[region], dtype=np.float64)) for maps in (bright, channel)]
+        bright = np.square([*emission_maps(components, [freq]), channel], dtype=np.float64)
+        squares += [bright[:, region].mean(axis=1) for region in regions]
     return np.sqrt(squares / survey.n_channels)
 
 
