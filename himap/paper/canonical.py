@@ -16,6 +16,7 @@ Code there counts as equal where all else gives equal numbers: who changes it me
 
 import tempfile
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -199,15 +200,12 @@ def _beam_of_file():
         return FromFile(path=str(path)).of_survey(SURVEY)
 
 
-def _beam(beam):
-    return lambda: beam.of_survey(SURVEY)
-
-
 _METHODS = {name: removal.create(name) for name in removal.available()}
 _METHODS |= {method.name: method for method in _CHOSEN_METHODS}
 _PERTURBED = PerturbedBeam(width=0.1, ripple=0.1)
-_BEAMS = {name: _beam(beams.create(name)) for name in beams.available() if name != FromFile.name}
-_BEAMS |= {FromFile.name: _beam_of_file, _PERTURBED.name: _beam(_PERTURBED)}
+_NAMES = [name for name in beams.available() if name != FromFile.name]
+_BEAMS = {name: partial(beams.create(name).of_survey, SURVEY) for name in _NAMES}
+_BEAMS |= {FromFile.name: _beam_of_file, _PERTURBED.name: partial(_PERTURBED.of_survey, SURVEY)}
 
 
 def _skies_of(experiment, parameters):
