@@ -203,13 +203,9 @@ def shares_of(rows):
     draws = shares["members"].where(parts["method"].isin(("SD", "")).to_numpy(), 1)[alone]
     ends = [wilson(round(share * n), n) for share, n in zip(shares["mean"][alone], draws, strict=True)]
     shares.loc[alone, ["low", "high"]] = np.reshape(ends, (-1, 2))
-    shares["holds"] = pd.Series(map(holds_in, shares["mean"]), shares.index, dtype=object)
+    sure = shares["mean"] >= HOLDS - _ROUNDING, shares["mean"] <= HOLDS_NOT + _ROUNDING
+    shares["holds"] = np.select(sure, (True, False), None)
     return parts.set_index(part).join(shares.drop(columns=["members", "skies"]))
-
-
-def holds_in(share):
-    """Whether a part holds that does so in this share of the members: True, False, or None, undecided."""
-    return True if share >= HOLDS - _ROUNDING else False if share <= HOLDS_NOT + _ROUNDING else None
 
 
 @cache  # it is asked for thousands of times, and takes half a millisecond
