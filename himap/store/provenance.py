@@ -4,7 +4,6 @@ import math
 import subprocess
 import sys
 import time
-from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError
@@ -133,8 +132,10 @@ def duration(seconds):
 def _packages():
     versions = []
     for name in PACKAGES:
-        with suppress(PackageNotFoundError):
+        try:
             versions.append((name, package_version(name)))
+        except PackageNotFoundError:
+            continue
     return tuple(versions)
 
 
@@ -150,7 +151,8 @@ def _commit():
 
 def _git(*arguments):
     """What a git command prints in the package's folder; None where it fails."""
-    with suppress(OSError, subprocess.CalledProcessError):
-        command = ["git", *arguments]
-        return subprocess.run(command, cwd=_HERE, capture_output=True, text=True, check=True).stdout.strip()
-    return None
+    try:
+        process = subprocess.run(["git", *arguments], cwd=_HERE, capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    return process.stdout.strip() if process.returncode == 0 else None
