@@ -1,18 +1,22 @@
 """What files say in the ways of other programs is honoured, and what was taken from them is said."""
 
 import os
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from astropy import units as u
 from astropy.io import fits
-from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_fits, write_folder, write_hdf5
+from bad_inputs import FREQS, N_PIX, NSIDE, SAID, good_maps, write_fits, write_folder, write_hdf5
 from conftest import little_room
-from cube_files import run
+from cube_files import power_laws, run
+from image_files import FREQ, N_CHANNELS, SKY, header_of, power_law_images, write_image
 
 from himap.core.errors import InputError
 from himap.core.memory import LIMIT_VARIABLE
 from himap.cubes import clean_cube, read_cube, save_cleaned
+from himap.cubes.files import read_truth
 from himap.maps.healpix_io import read_maps
 
 pytestmark = pytest.mark.usefixtures("no_pages", "here")
@@ -251,3 +255,107 @@ def test_messages_are_short_and_plain():
         len(str(error)) < 4100 and str(error).startswith("\\x1b[2J") and str(error).endswith("give another.")
     )
     assert str(InputError("one\ntwo")) == "one two"
+
+
+class TestTurned:
+    """An array of images whose axes are not in the order of its header, with as many channels as columns."""
+
+    N = 16
+    AXES = (("RA---SIN", 163.0, 8.0, -0.25, "deg"), ("DEC--SIN", 2.0, 6.0, 0.25, "deg"), FREQ)
+
+    def write(self, path, maps, **cards):
+        write_image(path, maps.transpose(2, 1, 0), axes=self.AXES, **cards)
+
+    @pytest.fixture
+    def images(self, rng):
+        images = power_laws(rng, 980 + 2 * np.arange(self.N), 12, self.N)
+        self.write("c.fits", images)
+        return images
+
+    def test_axes_hold_for_the_truth(self, images, rng):
+        truth = rng.standard_normal(images.shape).astype(np.float32)
+        self.write("t.fits", truth)
+        cube = read_cube("c.fits", axes="ra,dec,freq")
+        assert np.array_equal(cube.maps.reshape(images.shape), images)
+        found = read_truth("t.fits", cube=cube, axes="ra,dec,freq")
+        assert np.array_equal(found.maps.reshape(images.shape), truth)
+
+    def test_flags_of_channels_in_fits_are_refused(self, images):
+        self.write("f.fits", np.zeros_like(images), BUNIT="")
+        with pytest.raises(
+            InputError, match=r"is turned \(--axes\).*give it as .npy of the shape .n_channels, 12"
+        ):
+            read_cube("c.fits", axes="ra,dec,freq", flags="f.fits")
+
+
+class TestValues:
+    @pytest.mark.parametrize(("kind", "offset", "blank"), [("i2", 2**15, 32767), ("i4", 2**31, -(2**31))])
+    def test_blank_of_unsigned_images(self, kind, offset, blank, rng):
+        stored = rng.integers(7, 50, (N_CHANNELS, 12, 16)).astype(kind)
+        stored[:, 0, :5] = blank
+        fits.PrimaryHDU(stored, header_of((*SKY["SIN"], FREQ), BUNIT="mK")).writeto("k.fits")
+        with fits.open("k.fits", mode="update", do_not_scale_image_data=True, uint=False) as file:
+            file[0].header.update(BSCALE=1, BZERO=offset, BLANK=blank)
+        cube = read_cube("k.fits")
+        assert not cube.mask[:5].any() and cube.mask[5:].all()
+        assert np.array_equal(cube.maps, stored.reshape(N_CHANNELS, -1)[:, 5:] + float(offset))
+
+    def test_infinite_weights_are_refused(self):
+        write_hdf5("a.h5")
+        weights = np.ones(N_PIX)
+        weights[7] = np.inf
+        write_fits("w.fits", weights, column_units=None)
+        with pytest.raises(InputError, match="w.fits must be finite and 0 or more"):
+            read_cube("a.h5", weights="w.fits")
+
+    def test_chunks_that_were_never_written_are_missing(self):
+        with h5py.File("h.h5", "w") as file:
+            maps = file.create_dataset("maps", (24, N_PIX), "f4", fillvalue=-999, chunks=(1, N_PIX // 2))
+            maps[:, : N_PIX // 2] = good_maps()[:, : N_PIX // 2]
+            file["freqs"] = FREQS
+            file.attrs.update(SAID)
+        assert np.array_equal(read_cube("h.h5").mask, np.arange(N_PIX) < N_PIX // 2)
+
+    def test_other_stokes_parameters_are_said(self, rng):
+        images = power_law_images(rng)[None]
+        for value, said in ((1.0, False), (2.0, True)):
+            path = write_image(
+                f"{value}.fits", images, axes=(*SKY["SIN"], FREQ, ("STOKES", value, 1.0, 1.0, ""))
+            )
+            assert ("says STOKES = 2, and the intensity I is 1" in " ".join(read_cube(path).said)) == said
+
+    def test_frequencies_in_metres(self):
+        write_hdf5("a.h5")
+        with pytest.raises(InputError, match="freqs must be frequencies"):
+            read_cube("a.h5", freqs=u.Quantity(FREQS, "m"))
+
+    def test_axes_of_images_in_hdf5_are_theirs(self, rng):
+        write_image("i.fits", power_law_images(rng))
+        save_cleaned(clean_cube(read_cube("i.fits"), "pca", n_sources=2, peaks=False), "i.h5")
+        with pytest.raises(InputError, match="leave --axes and --freqs-name out"):
+            read_cube("i.h5", axes="ra,dec,freq")
+
+
+class TestWriting:
+    @pytest.mark.parametrize("text", ["O'Brien", "12:34:56.7", "NaN"])
+    def test_cards_that_are_not_of_the_standard(self, text, rng):
+        write_image("i.fits", power_law_images(rng), OBSERVER="abc")
+        data = Path("i.fits").read_bytes()
+        place = data.rindex(b"OBSERVER=")
+        card = f"OBSERVER= {text}".encode().ljust(80)
+        Path("i.fits").write_bytes(data[:place] + card + data[place + 80 :])
+        save_cleaned(clean_cube(read_cube("i.fits"), "pca", n_sources=2, peaks=False), "o.fits")
+        assert read_cube("o.fits").maps.shape[0] == N_CHANNELS
+
+    def test_an_ending_in_capital_letters(self):
+        write_hdf5("a.h5")
+        cleaned = clean_cube(read_cube("a.h5"), "pca", n_sources=2, peaks=False)
+        paths = save_cleaned(cleaned, "c.NPY")
+        assert np.array_equal(np.load(paths[0]), cleaned.residual)
+
+    def test_a_text_with_a_null(self):
+        write_hdf5("a.h5")
+        with h5py.File("a.h5", "a") as file:
+            file.attrs["note"] = np.bytes_(b"ab\0cd")
+        save_cleaned(clean_cube(read_cube("a.h5"), "pca", n_sources=2, peaks=False), "o.h5")
+        assert h5py.File("o.h5").attrs["method"] == "pca"

@@ -53,9 +53,19 @@ def _count_bad(pixels, kept):
     return int(np.count_nonzero(~(np.abs(pixels) < _LARGEST) & kept))
 
 
+def in_mhz(freqs):
+    """Frequencies as numbers of MHz, also of an astropy quantity."""
+    if not hasattr(freqs, "to_value"):
+        return freqs
+    try:
+        return freqs.to_value("MHz")
+    except ValueError as error:  # UnitConversionError is one
+        raise InputError(f"freqs must be frequencies ({error}).") from None
+
+
 def checked_freqs(freqs, n_channels):
     """Channel centres in MHz, (n_channels,) float64, positive and ascending; takes astropy quantities."""
-    freqs = real_array("freqs", freqs.to_value("MHz") if hasattr(freqs, "to_value") else freqs).astype(float)
+    freqs = real_array("freqs", in_mhz(freqs)).astype(float)
     if freqs.shape != (n_channels,):
         raise InputError(f"freqs must be one MHz value per channel, ({n_channels},), got {freqs.shape}.")
     if not n_channels or not (np.isfinite(freqs) & (freqs > 0)).all():

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from himap.core.checks import real_array
+from himap.core.checks import in_mhz, real_array
 from himap.core.errors import InputError
 from himap.core.reading import format_of, mapped_array, read_array, read_numbers, reading, regular_file
 from himap.cubes import fits, hdf5
@@ -107,13 +107,15 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
     in another frame than that are rotated, if they may be (`rotate`).
     """
     with reading(path):
+        names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
+        # The shape of an array hardly says which axis is which: where axes are given, they come first.
+        first = {} if axes is None or format_of(path) == "HDF5" else {"axes": axes}
         try:
-            maps, layout = read_file(path, held=_HELD_TRUTH)
+            maps, layout = read_file(path, **first, held=_HELD_TRUTH)
         except InputError:
             if maps_name is freqs_name is axes is None:
                 raise
-            names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
-            maps, layout = read_file(path, **names, held=_HELD_TRUTH)
+            maps, layout = read_file(path, **({} if first else names), held=_HELD_TRUTH)
         pixels = layout.pixels
         stated = {"freqs": layout.freqs, "unit": layout.unit, "order": pixels.nested, "frame": pixels.frame}
         unsaid = {name: value for name, value in given.items() if stated.get(name) is None}
@@ -188,8 +190,7 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
     if isinstance(freqs, str | os.PathLike):
         freqs, given_from = read_freqs(freqs)
         freqs_from = layout.freqs_from or given_from
-    freqs = freqs.to_value("MHz") if hasattr(freqs, "to_value") else freqs
-    freqs = None if freqs is None else real_array("freqs", freqs).astype(float)
+    freqs = None if freqs is None else real_array("freqs", in_mhz(freqs)).astype(float)
     both = {
         "same": lambda one, other: one.shape == other.shape and same_freqs(one, other).all(),
         "shown": partial(np.array2string, threshold=5, edgeitems=2),

@@ -30,6 +30,7 @@ _STOKES = {  # names of the three columns of one polarised map: of healpy, and s
 }
 _LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is read as Hz, and lies far below
 _BEAMS = "BEAMS"  # the table of CASA, to which CASAMBM in a header refers
+_AS_STORED = {"memmap": False, "uint": False}  # what astropy makes of unsigned integers forgets their BLANK
 _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 
 
@@ -112,7 +113,7 @@ def _read_tables(folder, paths, held):
 def _holds_image(path):
     """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read."""
     try:
-        with _quiet(), fits.open(path, memmap=False) as file:
+        with _quiet(), fits.open(path, **_AS_STORED) as file:
             return has_image(next(hdu for hdu in file if not isinstance(hdu, IMAGES) or hdu.shape))
     except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
         return False
@@ -158,7 +159,7 @@ def _read_images(paths, axes, held):
 @contextmanager
 def _opened(path):
     """A FITS file, open; what astropy raises is an error of the input."""
-    with reading(path, "an image cube in FITS"), _quiet(), fits.open(path, memmap=False) as file:
+    with reading(path, "an image cube in FITS"), _quiet(), fits.open(path, **_AS_STORED) as file:
         yield file
 
 
@@ -182,6 +183,11 @@ def _parts(path, file, *, axes, remarks, alone):
         remarks.append(f"{path} holds {', '.join(others)} too, which is left out.")
     if tables:
         remarks.append(f"{path} holds {_BEAMS} too, which is not used, but written again.")
+    for wcs in (worlds[n].wcs for n in cubes):
+        for axis in (n for n, kind in enumerate(wcs.ctype) if kind.strip() == "STOKES"):
+            value = wcs.crval[axis] + (1 - wcs.crpix[axis]) * wcs.cdelt[axis]
+            if round(value) != 1:
+                remarks.append(f"{path} says STOKES = {value:g}, and the intensity I is 1.")
     for part in () if alone else parts:
         part.header.remove("CASAMBM", ignore_missing=True)  # refers to such a table
     return parts

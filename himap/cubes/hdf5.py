@@ -30,6 +30,11 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
     """Maps (n_channels, n_pix) and `Layout` of a file; parameters as of `himap.cubes.files.read_file`."""
     with access.opened(path, aside) as file:
         if HEADERS in file.items:
+            if freqs_name is not None or axes is not None:
+                raise InputError(
+                    f"{path} has images, whose axes and frequencies its {HEADERS} state; leave --axes and "
+                    "--freqs-name out."
+                )
             return _read_images(file, maps_name, held)
         fitting = [name for name, item in file.arrays.items() if item.ndim == 2 and sphere_sizes(item.shape)]
         if maps_name in (None, MAP) and freqs_name is None and file.is_container:
@@ -55,7 +60,7 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
             pixels, remarks = pixel_axis(item.shape, axes)
             stated = {"remarks": remarks, **_freqs_of(file, freqs_name, item.shape[1 - pixels])}
         check_cube_room(path, item.shape[0] * float(item.shape[-1]), item.dtype.itemsize, held)
-        maps = file.values(item, part)
+        maps = file.values(item, part, fill=True)
         maps = maps if pixels else maps.T
         layout = Layout.of_sphere(maps, **file.stated(item), **stated)
         file.check_pixels(item, layout.pixels)

@@ -193,8 +193,11 @@ class Datasets:
         nested = next(iter(orders), None)
         return {"unit": self.text(*UNITS, of=item), "about": about, "nested": nested, "frame": frame}
 
-    def values(self, item, part=...):
-        """(A part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with an offset."""
+    def values(self, item, part=..., *, fill=False):
+        """(A part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with an offset.
+
+        With `fill` the value of chunks that were never written is one that is missing, unless it is 0.
+        """
         try:
             stored, numbers = item[part], {}
         except OSError as error:
@@ -213,6 +216,9 @@ class Datasets:
                     f"{key} of {item.name[1:]} in {self.path} must be numbers, {n_right}, and finite if "
                     f"maps are scaled by it; got {item.attrs[key]!r}."
                 )
+        defined = item.id.get_create_plist().fill_value_defined()
+        if fill and defined == h5py.h5d.FILL_VALUE_USER_DEFINED and item.fillvalue:
+            numbers.setdefault("_FillValue", np.ravel(item.fillvalue))
         if str(self.text("_unsigned", of=item)).lower() == "true" and stored.dtype.kind == "i":
             stored = stored.view(f"{stored.dtype.byteorder}u{stored.dtype.itemsize}")
         if not numbers:

@@ -187,7 +187,7 @@ class ImagePixels:
         kind = fits.ImageHDU if first else fits.PrimaryHDU
         tables = [table for part in self.parts for table in part.tables]
         images = self._hdus(maps, layout, kind, cards=cards, history=history)
-        fits.HDUList([*first, *images, *tables]).writeto(path)
+        fits.HDUList([*first, *images, *tables]).writeto(path, output_verify="silentfix+ignore")
 
     def _hdus(self, maps, layout, kind, *, cards=(), history=None):
         """An HDU of this kind for each part, of maps (n_in_file, n_y, n_x)."""

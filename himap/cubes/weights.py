@@ -146,4 +146,9 @@ def _read(path, word, layout):
             f"{label} must have the {own.grid} of the cube, {own}, got {theirs.pixels}, or other "
             "coordinates; reproject them to the header of the cube."
         )
-    return np.nan_to_num(maps, nan=_UNSEEN[word]), theirs
+    if len(maps) > 1 and not own.whole_sky and any(np.diff(own.parts[0].turn) != 1):
+        raise InputError(
+            f"{label}: the array of the cube is turned (--axes), and that of a FITS file of channels would "
+            f"not be; give it as .npy of the shape (n_channels, {own.shape[0]}, {own.shape[1]})."
+        )
+    return np.where(np.isnan(maps), _UNSEEN[word], maps), theirs

@@ -149,7 +149,8 @@ def write_cleaned(cleaned, paths, *, said=None):
     *targets, table = paths
     for target, (name, maps) in zip(targets, as_given, strict=True):
         if ending_of(target) == ".npy":
-            np.save(target, maps)
+            with open(target, "wb") as file:  # np.save adds .npy to a name that ends with .NPY
+                np.save(file, maps)
         else:
             cards = [(key.upper(), value) for key, value in about.items()]
             cards += [("HISTORY", text) for text in map(_in_ascii, sentences)]
@@ -171,7 +172,8 @@ def _write_hdf5(cleaned, path, as_given, about, sentences):
         attributes, datasets = layout.pixels.in_hdf5(layout)
         for name, values in datasets.items():
             file.create_dataset(name, data=values)
-        file.attrs.update(layout.about | attributes | about)
+        texts = {key: value for key, value in layout.about.items() if "\0" not in f"{value}"}  # h5py has none
+        file.attrs.update(texts | attributes | about)
 
 
 def _in_ascii(sentence):

@@ -89,6 +89,8 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
     quiet = catch_warnings(action="ignore", category=AstropyWarning)  # of an error a line below, or harmless
     with reading(path, "HEALPix maps in FITS"), quiet, fits.open(path, memmap=False) as file:
         table = _only_table(file, first=n_maps is not None)
+        for one in (file[0], table):
+            one.verify("silentfix+ignore")  # cards that are not of the standard
         header = {**file[0].header, **table.header}
         keys = "PIXTYPE", "INDXSCHM", "OBJECT"
         pixels, scheme, sky = (str(card_text(header, key) or "").upper() for key in keys)
