@@ -122,6 +122,14 @@ def test_a_method_that_ends_with_and_without_peak_masking(mask_peaks):
     assert (found - wrong).std() < 0.02 * truth.std() + rounding
 
 
+@pytest.mark.parametrize("spread", ["line", "cube"])
+def test_peaks_with_a_mock_are_masked_in_the_deviation_of_the_case(spread):
+    case = case_of(Oscillating())
+    cleaning = cleaned.cleaning(case, PCA(n_sources=2), spread)
+    again = cleaning.with_mock(np.zeros_like(cleaning.data.maps))
+    assert np.array_equal(again.basis.maps, pipeline.basis(case, spread))
+
+
 def test_nothing_wrong_is_no_error(monkeypatch):
     """A method that finds the foreground itself leaves an error without any term, and the truth."""
     case = case_of(Degraded())

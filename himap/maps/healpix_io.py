@@ -289,9 +289,9 @@ def freqs_in(name):
     """
     stated = []
     for match in _FREQ.finditer(name):
-        left = name[: match.start()]
-        before = [part for part in re.split(r"[\W_]+", left) if part]
-        is_range = re.search(r"\d *- *$", left)  # also after letters, as in map900-910MHz
+        start = name[: match.start()]
+        before = [part for part in re.split(r"[\W_]+", start) if part]
+        is_range = re.search(r"\d *- *$", start)  # also after letters, as in map900-910MHz
         if not (is_range or (before and before[-1].isdigit())):
             factor, digits = _FACTOR[match[3].lower()], len(match[2] or "")
             stated.append(Stated(float(match[1]) * factor, 0.5 * factor * 10.0**-digits))

@@ -136,14 +136,15 @@ def masked_alms(maps, *, mask=None, alms=None):
     maps, weights = checked_maps(maps, mask)
     if alms is not None:
         checked_maps(maps, None)
-        made = alms(slice(None)) if callable(alms) else alms
-        _check_alms(made, maps.shape)
+        if not callable(alms):
+            _check_alms(alms, maps.shape)
     kind = np.result_type(maps.dtype, np.complex64)
     if alms is None or weights.mean() < _MOST:
         out = np.empty((len(maps), sphere.alm_size(3 * sphere.nside_of(maps) - 1)), dtype=kind)
         for pixels, alm in zip(progress(maps, "analysis"), out, strict=True):
             alm[:] = sphere.analyse(weighted(pixels, weights).astype(maps.dtype))
         return out
+    made = alms(slice(None)) if callable(alms) else alms
     out = made.astype(np.result_type(made, kind), copy=made is alms)
     removed = np.flatnonzero(weights < 1)
     if not len(removed):
