@@ -473,9 +473,10 @@ def masked_truth(mask):
 
 
 full = study.truth(selected).angular
-kept = ~line_errors(study.medoid(selected, removers["sdecgmca"]))[1]
+medoid = shown if method == "sdecgmca" else study.medoid(selected, removers["sdecgmca"])
+kept = ~line_errors(medoid)[1]
 masked_truths = {
-    "flagged by SDecGMCA": masked_truth(kept),
+    "flagged by SDecGMCA": cleaned.post_masked(study.case(selected), medoid)[1].angular,
     "the same, rotated by 180°": masked_truth(kept[::-1]),  # in RING order
     "|b| > 15°": masked_truth(latitude > 15),
 }

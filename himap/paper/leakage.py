@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from himap.maps.low_rank import LowRankCube, projection
+from himap.maps.low_rank import LowRankCube, blocks, projection
 from himap.measures.diagnostics import flagged_lines
 from himap.measures.transfer import TransferFunction, expected_mock_power, mock_power, quotient
 from himap.paper import cleaned, pipeline
@@ -37,6 +37,12 @@ def split_error(case, remover, mask_peaks=True):
     mask_peaks
         As in `cleaned.separation`.
     """
+    error, hi_lost = _error_and_loss(case, remover, mask_peaks)
+    return error + hi_lost, hi_lost
+
+
+def _error_and_loss(case, remover, mask_peaks):
+    """`cleaned.error`, and the part of it that is HI lost."""
     found = cleaned.separation(case, remover, mask_peaks)
     signal = case, mask_peaks, found.lmax
     project = partial(projection, maps=pipeline.signal(*signal))
@@ -50,7 +56,7 @@ def split_error(case, remover, mask_peaks=True):
     else:
         basis = np.linalg.qr(found.mixing)[0]
         hi_lost = LowRankCube(spectra=basis, maps=project(basis.T))
-    return cleaned.error(case, remover, mask_peaks) + hi_lost, hi_lost
+    return cleaned.error(case, remover, mask_peaks), hi_lost
 
 
 @product
@@ -64,12 +70,20 @@ def error_parts(case, remover, mask_peaks=True):
         the lines of sight of `flagged_lines`, on the others and on all. Arguments as of `split_error`.
     """
     flagged = flagged_lines(cleaned.assessment(case, remover, mask_peaks).line_errors)
-    residual, hi_lost = split_error(case, remover, mask_peaks)
-    parts = {"foreground residual": residual, "signal loss": hi_lost, "error": residual + -hi_lost}
-    places = {"flagged": flagged, "others": ~flagged, "all": slice(None)}
+    error, hi_lost = _error_and_loss(case, remover, mask_peaks)
+    left, products = error + hi_lost, {"flagged": 0.0, "all": 0.0}
+    for block in blocks(len(flagged)):
+        maps, some = left.maps[:, block], left.maps[:, block][:, flagged[block]]
+        products["all"] += maps @ maps.T
+        products["flagged"] += some @ some.T
+    products["others"] = products["all"] - products["flagged"]
+    n_lines = {"flagged": flagged.sum(), "others": np.sum(~flagged), "all": len(flagged)}
+    of_error = np.arange(left.spectra.shape[1]) < error.spectra.shape[1]
+    parts = {"foreground residual": 1, "signal loss": ~of_error, "error": of_error}
+    spectra = {name: left.spectra * columns for name, columns in parts.items()}
     return {
-        name: {place: part.mean_squares(pixels) for place, pixels in places.items()}
-        for name, part in parts.items()
+        name: {place: np.sum(one @ products[place] * one, axis=1) / n for place, n in n_lines.items()}
+        for name, one in spectra.items()
     }
 
 

@@ -58,23 +58,25 @@ class GMCA(ForegroundRemover):
     )
 
     def _separate(self, data):
-        for step in progress(self.iterate(data.centred, data.image), "gmca", total=self.max_iterations):
+        steps = self.iterate(data.centred, data.image, data.covariance)
+        for step in progress(steps, "gmca", total=self.max_iterations):
             last = step
         mixing, sources = ordered(last.mixing, projection(safe_inverse(last.mixing[None])[0], data.centred))
         return Separation(
             mixing=mixing, sources=sources, converged=last.converged, n_iterations=last.n_iterations
         )
 
-    def iterate(self, maps, image=None):
+    def iterate(self, maps, image=None, covariance=None):
         """The iterations one by one: a `Step` after each, on maps less their channel means.
 
-        `image` is as in `Data`, for pixels of an image in the plane.
+        `image` is as in `Data`, for pixels of an image in the plane; `covariance` is the `channel_covariance`
+        of the maps, where it is known.
         """
         if image is None:
             starlets = SphereDetails(self.n_scales, sphere.nside_of(maps))
         else:
             starlets = PlaneStarlets(image, self.n_scales)
-        covariance = channel_covariance(maps)
+        covariance = channel_covariance(maps) if covariance is None else covariance
         mixing = principal_axes(covariance, self.n_sources)
         cube = SplitCube(maps, bright_axes(covariance, least=self.n_sources))
         for n_iterations in range(1, self.max_iterations + 1):

@@ -7,7 +7,6 @@ that fail and in others.
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 
@@ -90,15 +89,14 @@ class Ensemble:
         All subtract a foreground from the same data, so it is that of two foregrounds. Angles between mixing
         matrices would count sources that hold nothing.
         """
-        found = np.zeros((len(self.members),) * 2)
-        for i, j in combinations(range(len(self.members)), 2):
-            one, other = (self.members[k].separation.foreground for k in (i, j))
-            change = one + -other  # its terms may cancel
-            axes, triangle = np.linalg.qr(change.spectra)
-            n_pix = change.maps.shape[1]
-            squares = sum(np.sum((triangle @ change.maps[:, block]) ** 2) for block in blocks(n_pix))
-            found[i, j] = found[j, i] = np.sqrt(squares / (len(axes) * n_pix))
-        return found
+        found = [member.separation.foreground for member in self.members]
+        (n_channels, _), n_pix, products = found[0].spectra.shape, found[0].maps.shape[1], 0.0
+        for block in blocks(n_pix):
+            lines = np.array([one.lines(block) for one in found]).reshape(len(found), -1)
+            lines -= lines[0].copy()  # far brighter than what they differ by
+            products += lines @ lines.T
+        squares = products.diagonal()[:, None] + products.diagonal() - 2 * products
+        return np.sqrt(np.maximum(squares, 0) / (n_channels * n_pix))
 
     @cached_property
     def medoid_index(self):
