@@ -102,6 +102,12 @@ def test_closely_analysed_maps_come_back(rng):
     assert errors[0] < min(3e-3, 0.1 * errors[1])
 
 
+def test_what_no_coefficients_hold_is_not_searched_for(rng):
+    """Of white noise a part lies beyond l = 3 nside, as of the edges of masked patches."""
+    white = rng.standard_normal(12 * NSIDE**2)
+    assert np.array_equal(sphere.analyse_closely(white, LMAX, 1e-5), sphere.analyse(white))
+
+
 class TestSameBits:
     """The same numbers give the same, wherever the scratch of the transforms lies in memory."""
 

@@ -26,6 +26,9 @@ _ROOMY = 160
 130 the last bits of ducc0's Legendre functions depend on the order in which its scratch lies in memory, and
 what is iterated over thresholds (SDecGMCA) grows such a difference into another result."""
 
+_TRIAL, _MOST = 5, 50  # iterations of least squares
+_IN_VAIN = 0.99  # of a residual that remains after the first of them: it lies beyond the multipoles
+
 
 def n_threads():
     """How many threads a transform has: all cores, unless the variable DUCC0_NUM_THREADS says otherwise."""
@@ -179,7 +182,8 @@ def analyse_closely(pixels, lmax, tolerance):
     """Coefficients that reproduce one map (n_pix,) to `tolerance` of its rms, by least squares (LSMR).
 
     The refinements of `analyse` leave percents of a map near l = 3 nside, where HEALPix quadrature is
-    poor. This is for what is bright: a tolerance below the noise of a map would run after that noise.
+    poor. This is for what is bright: a tolerance below the noise of a map would run after that noise, and
+    where few iterations reproduce next to nothing of what remains, no coefficients do: those of `analyse`.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     nside = nside_of(pixels)
@@ -188,10 +192,13 @@ def analyse_closely(pixels, lmax, tolerance):
     share = np.linalg.norm(residual) / np.linalg.norm(pixels)
     if share <= tolerance:
         return alm
-    enough = {"maxiter": 50, "epsilon": tolerance / share}
-    (correction,), *_ = ducc0.sht.pseudo_analysis(
-        map=residual[None], lmax=lmax, **enough, **_PLAIN, **_geometry(nside)
-    )
+    given = {"map": residual[None], "lmax": lmax, "epsilon": tolerance / share, **_PLAIN, **_geometry(nside)}
+    for most in (_TRIAL, _MOST):
+        (correction,), _, _, remaining, _ = ducc0.sht.pseudo_analysis(maxiter=most, **given)
+        if remaining > _IN_VAIN:
+            return alm
+        if remaining <= tolerance / share:
+            break
     return alm + correction
 
 
