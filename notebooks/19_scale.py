@@ -93,8 +93,6 @@ Markdown(steps_table(paper))
 # observations, all methods and every figure, with {glue:text}`scale_restarts` restarts of SDecGMCA through
 # each beam and with the plane dimmed; the scan of $n_s$ and the ledger with one. *Memory* is the peak of all
 # processes, mapped files included, and what several processes share counts once.
-# The record has an earlier default reading of SDecGMCA (`code-rounding`, continued beyond $\ell = 200$ with its
-# $\epsilon$); with the present one the ensembles take longer and need more memory.
 
 # %% tags=["hide-input"]
 whole = read_stored("whole_paper", results)

@@ -195,10 +195,10 @@ def analyse_closely(pixels, lmax, tolerance):
     given = {"map": residual[None], "lmax": lmax, "epsilon": tolerance / share, **_PLAIN, **_geometry(nside)}
     for most in (_TRIAL, _MOST):
         (correction,), _, _, remaining, _ = ducc0.sht.pseudo_analysis(maxiter=most, **given)
-        if remaining > _IN_VAIN:
-            return alm
         if remaining <= tolerance / share:
             break
+        if remaining > _IN_VAIN:
+            return alm
     return alm + correction
 
 
