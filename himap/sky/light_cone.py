@@ -48,7 +48,9 @@ def trace(density, displacement, distance_edges, nside, box_size, *, oversample=
         (n, n, n) float32, 1 + delta at the cell centres.
     displacement
         (n, n, n), from real to redshift space, away from the observer, as of
-        `GaussianBox.radial_displacement`; None for none.
+        `GaussianBox.radial_displacement`; None for none. It is interpolated across the faces of the box as if
+        it were periodic, which is wrong within half a cell of them: up to 1 % of C_l in the channel that
+        touches a face.
     distance_edges
         Channel edges as comoving distances, ascending, (n_channels + 1,), Mpc/h.
     nside, box_size, oversample
