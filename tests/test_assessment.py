@@ -9,7 +9,6 @@ from cube_measures import correlation, line_errors
 
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Oscillating
-from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.measures.spectra import angular_power, frequency_power
 from himap.paper import cleaned, pipeline
@@ -51,7 +50,7 @@ class TestAgainstTheCube:
         case = case_of(beam)
         lmax = cleaned.separation(case, remover).lmax
         left = cleaned.residual(case, remover)
-        return left if lmax is None else sphere.cut_cube(left, lmax), pipeline.truth(case, lmax)
+        return left if lmax is None else pipeline.cut_cube(left, lmax), pipeline.truth(case, lmax)
 
     def test_the_error_is_their_difference(self, beam, remover, cubes):
         left, truth = (maps - maps.mean(axis=1, keepdims=True, dtype=float) for maps in cubes)
@@ -115,7 +114,7 @@ def test_a_method_that_ends_with_and_without_peak_masking(mask_peaks):
     case = pipeline.Case(survey=SURVEY, beam=Oscillating())
     remover = SDecGMCA(**SHORT, reading="letter")
     truth = pipeline.truth(case, cleaned.separation(case, remover, mask_peaks).lmax)
-    left = sphere.cut_cube(cleaned.residual(case, remover, mask_peaks), 2 * SURVEY.nside)
+    left = pipeline.cut_cube(cleaned.residual(case, remover, mask_peaks), 2 * SURVEY.nside)
     wrong = left - truth - (left - truth).mean(axis=1, keepdims=True)
     rounding = 3e-7 * pipeline.observation(case).maps.std()
     found = cleaned.error(case, remover, mask_peaks).lines(slice(None))

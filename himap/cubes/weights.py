@@ -13,7 +13,7 @@ from himap.cubes import fits, hdf5
 from himap.cubes.layout import Layout, check_cube_room, same_freqs
 from himap.maps import sphere
 from himap.maps.healpix_io import to_ring
-from himap.maps.sphere import pixels_last, sphere_sizes
+from himap.maps.sphere import sphere_sizes
 
 _HELD = 2  # cubes in float32 besides that in the file: weights are float64
 _RIGHT = {
@@ -118,7 +118,13 @@ def _by_channel(label, values, pixels):
     if values.ndim - len(shape) not in (0, 1) or not fits_in:
         one = "one map, n_pix = 12 nside^2" if on_sphere else f"an image of the cube, {shape}"
         raise InputError(f"{label} must have the shape of {one}, or of one a channel, got {values.shape}.")
-    return pixels_last(np.atleast_2d(values)) if on_sphere else values.reshape(-1, shape[0] * shape[1])
+    return _pixels_last(np.atleast_2d(values)) if on_sphere else values.reshape(-1, shape[0] * shape[1])
+
+
+def _pixels_last(maps):
+    """`maps` as (n_channels, n_pix): the larger of the two sizes that a sphere can have is the pixels."""
+    sizes = sphere_sizes(maps.shape)
+    return maps if sizes and maps.shape[1] == max(sizes) else maps.T
 
 
 def _read(path, word, layout):

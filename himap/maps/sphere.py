@@ -59,12 +59,6 @@ def sphere_sizes(shape):
     return [n for n in shape if is_n_pix(n)]
 
 
-def pixels_last(maps):
-    """`maps` as (n_channels, n_pix): the larger of the two sizes that a sphere can have is the pixels."""
-    sizes = sphere_sizes(maps.shape)
-    return maps if sizes and maps.shape[1] == max(sizes) else maps.T
-
-
 def alm_size(lmax):
     """Number of coefficients (m >= 0) up to `lmax`."""
     return hp.Alm.getsize(lmax)
@@ -268,12 +262,6 @@ def synthesise_cube(alms, nside, *, n_channels, label):
     for row, alm in zip(progress(out, label), alms, strict=True):
         row[:] = synthesise(alm, nside)
     return out
-
-
-def cut_cube(maps, lmax):
-    """Maps (n_channels, n_pix) without what they hold beyond `lmax`, float32."""
-    alms = (analyse(channel, lmax, n_iter=N_ITER_FLAT) for channel in maps)
-    return synthesise_cube(alms, nside_of(maps), n_channels=len(maps), label=f"maps to l = {lmax}")
 
 
 def power_spectrum(alms):

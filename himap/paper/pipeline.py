@@ -161,7 +161,15 @@ def signal(case, mask_peaks=True, lmax=None):
         np.subtract(given, seen, out=row)  # first, for both are far brighter than HI
         row += true
         row[:] = row - row.mean(dtype=np.float64)
-    return maps if lmax is None else sphere.cut_cube(maps, lmax)
+    return maps if lmax is None else cut_cube(maps, lmax)
+
+
+def cut_cube(maps, lmax):
+    """Maps (n_channels, n_pix) without what they hold beyond `lmax`, float32."""
+    alms = (sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT) for channel in maps)
+    return sphere.synthesise_cube(
+        alms, sphere.nside_of(maps), n_channels=len(maps), label=f"maps to l = {lmax}"
+    )
 
 
 @product
