@@ -122,6 +122,21 @@ class TestReading:
         left = [clean_cube(one, "gmca", n_sources=2).residual for one in (cube, read_cube("cube.h5"))]
         assert np.array_equal(*left)
 
+    def test_weights_of_voxels_without_gaps_miss_nothing(self, rng):
+        cube = read_cube("cube.h5", weights=rng.integers(1, 5, SHAPE))
+        assert cube.weights.shape == SHAPE and cube.missing is None
+
+    def test_remarks_are_those_on_what_a_mask_keeps(self, flags):
+        kept = np.arange(N_PIX) < N_PIX // 2
+        some, flags[:] = flags.copy(), False
+        flags[:, ~kept], flags[4, kept], flags[7] = some[:, ~kept], True, False
+        cube = read_cube("cube.h5", flags=flags)
+        (said,) = (remark for remark in cube.remarks if "voxels" in remark)
+        assert not any("apart" in remark for remark in cube.remarks)
+        part = cube.within(kept)
+        assert said not in part.remarks and not any("voxels" in remark for remark in part.remarks)
+        (uneven,) = (remark for remark in part.remarks if "MHz apart; P(k)" in remark)
+
     def test_a_mask_too(self, hits, flags):
         kept = np.arange(N_PIX) % 3 > 0
         cube = read_cube("cube.h5", weights=hits, flags=flags).within(kept)
@@ -156,15 +171,16 @@ class TestCleaning:
         assert (cleaned.foreground - true)[cube.missing].std() < 2  # its noise is 1 mK
 
     def test_a_truth_and_mocks(self, maps, hits, flags, rng):
-        """The truth is 0 where the cube is missing, and so is a mock."""
-        true = rng.standard_normal(SHAPE).astype(np.float32)
+        """The truth is 0 where the cube is missing, and so is a mock; its means have no power in the gaps."""
+        true = 5 + rng.standard_normal(SHAPE).astype(np.float32)
         write_hdf5("truth.h5", true)
         write_hdf5("both.h5", maps + true)
         cube = read_cube("both.h5", weights=hits, flags=flags)
         cleaned = clean_cube(cube, "pca", n_sources=2)
         found = compared(cleaned, read_truth("truth.h5", cube=cube))
         kept = np.arange(24) != 7
-        zeroed = np.where(cube.missing, 0, true[kept][:, cube.mask])
+        seen = true[kept][:, cube.mask]
+        zeroed = np.where(cube.missing, 0, seen - np.average(seen, axis=1, weights=cube.weights)[:, None])
         mean = frequency_power(zeroed, cube.channel_width).power[1:].mean()
         assert found.true_frequency.mean() == pytest.approx(mean, rel=1e-5)
         mocks = [rng.standard_normal(cube.maps.shape).astype(np.float32) for _ in range(2)]

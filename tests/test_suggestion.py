@@ -119,6 +119,25 @@ class TestSuggestion:
         assert "consider n_sources = 3, by both criteria." in told and "himap transfer" in told
         assert replace(found, n_bright=4).range is None
 
+    @pytest.mark.parametrize(
+        ("n_bright", "first", "said"),
+        [
+            (2, 5, "5, the smallest that was tried: try smaller ones"),
+            (0, 1, "1, if any: no eigenvalue exceeds"),
+        ],
+    )
+    def test_the_smallest_that_was_tried_is_no_agreement(self, n_bright, first, said):
+        counts = np.arange(first, first + 4)
+        found = made_up(n_sources=counts, criterion=np.arange(4.0), change=np.full(3, 0.01), stable=first)
+        assert f"consider n_sources = {said}" in suggestion.advice(replace(found, n_bright=n_bright))
+
+    def test_no_larger_numbers_than_channels(self):
+        found = made_up(
+            n_sources=np.arange(1, 3), criterion=np.array([1.0, 0]), change=np.ones(1), stable=None
+        )
+        found = replace(found, n_bright=3, eigenvalues=np.ones(3))
+        assert suggestion.advice(found).endswith("there are too few channels for more.")
+
     def test_from_the_shell(self, maps, tmp_path):
         path = write_hdf5(tmp_path / "a.h5", maps)
         page = tmp_path / "n.html"

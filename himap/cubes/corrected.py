@@ -60,6 +60,7 @@ def corrected_table(corrected):
 
     Error bar, systematic error and sample variance are relative to the corrected power. The pull is
     (corrected - truth) / error bar; of the total pull this has the systematic error too, in quadrature.
+    Where foregrounds were not drawn (`CubeTransfer`) that is not known.
     """
     knows = corrected["angular"].knows_truth
     rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
@@ -68,10 +69,11 @@ def corrected_table(corrected):
         row = [name, f"{one.share[inside].mean():.4f}"]
         row += [f"{one.corrected[inside].mean() / one.residual[inside].mean():.4f}"]
         row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
-        row += [f"{systematic:.2%}", f"{sample:.2%}"]
+        row += [f"{systematic:.2%}" if one.drawn else "not known", f"{sample:.2%}"]
         if knows:
             ratios = [np.mean(power[inside] / one.truth[inside]) for power in (one.residual, one.corrected)]
-            pulls = [(ratios[1] - 1) / sigma for sigma in (bar, np.hypot(bar, systematic))]
+            total = np.hypot(bar, systematic) if one.drawn else np.nan
+            pulls = [(ratios[1] - 1) / sigma for sigma in (bar, total)]
             row += [*map("{:.4f}".format, ratios), *map("{:+.1f}".format, pulls)]
         rows.append(["–" if "nan" in cell else cell for cell in row])
     return Table(header, rows, align="l" + "r" * (len(header) - 1))
@@ -108,9 +110,10 @@ def corrected_parts(corrected):
         "transfer function T; what a residual has beyond that is foreground residual, and subtracted. Thin "
         "lines are one error bar, from mocks that are corrected by each other: the error of a cleaning of "
         "this very sky. The correction is as good as the estimated foreground: all that was subtracted is "
-        "quoted as systematic error, to be added to the error bar in quadrature. Sample variance and noise "
-        "are a column of the table and in neither. Mocks must resemble the data: their HI has the power that "
-        "himap assumes, or that of the files that were given."
+        "quoted as systematic error, to be added to the error bar in quadrature; with the foreground that "
+        "the method estimated it is not known. Sample variance and noise are a column of the table and in "
+        "neither. Mocks must resemble the data: their HI has the power that himap assumes, or that of the "
+        "files that were given."
     )
     panels, shares = [], []
     for kind, one in corrected.items():
@@ -149,6 +152,7 @@ def write_spectra(corrected, path, scatter=None):
         columns |= {"sigma": one.sigma(each), "sample": one.sigma(each, "sample")}
         names = "expected", "systematic", "truth"
         columns |= {name: getattr(one, name) for name in names}
+        columns |= {} if one.drawn else {"systematic": np.nan}
         columns |= {f"error_{n}": errors for n, errors in enumerate(one.errors, 1)}
         columns |= {} if scatter is None else scatter.columns(kind, one.x)
         tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))

@@ -12,7 +12,7 @@ from himap.maps import sphere
 from himap.maps.healpix_io import MILLIKELVIN, to_ring
 from himap.maps.low_rank import as_float32
 from himap.removal import using
-from himap.removal.data import checked_mask, checked_weights, scattered
+from himap.removal.data import checked_mask, checked_weights, means_of, missing_of, scattered
 
 _TWICE = 1e-8  # relative: closer channels have one frequency
 _FEW = 0.01  # of the pixels: so many may be masked in all channels for what some of these miss
@@ -48,7 +48,7 @@ class Cube:
     @property
     def missing(self):
         """Voxels of the seen pixels that are not seen, (n_channels, n_seen) bool, or None if all are."""
-        return self.weights == 0 if np.ndim(self.weights) == 2 else None
+        return missing_of(self.weights)
 
     @property
     def remarks(self):
@@ -140,7 +140,8 @@ class Cube:
 
     def _of(self, kept, remark):
         """The same of the pixels in `kept`, all of them seen, without the channels that see none of them."""
-        seen, layout, freqs, weights = kept[self.mask], self.layout.noted(remark), self.freqs, self.weights
+        seen, layout, freqs, weights = kept[self.mask], self.layout, self.freqs, self.weights
+        outdated, said = _remarks_on(self.maps, freqs, weights), [remark]
         maps = self.maps[:, seen]
         if weights is not None:
             weights = weights[..., seen]
@@ -150,8 +151,10 @@ class Cube:
             if not some.all():
                 maps, freqs, weights = maps[some], freqs[some], weights[some]
                 layout = replace(layout, channels=layout.channels[some])
-                layout = layout.noted(f"{(~some).sum()} channels have no data there and are left out.")
+                said.append(f"{(~some).sum()} channels have no data there and are left out.")
             weights = checked_weights(weights, maps.shape)[1]
+        remarks = [one for one in self.remarks if one not in outdated] + _remarks_on(maps, freqs, weights)
+        layout = replace(layout, remarks=(*remarks, *said))
         return replace(self, maps=maps, freqs=freqs, mask=kept, weights=weights, layout=layout)
 
     def channels_of(self, other):
@@ -194,9 +197,18 @@ class Cube:
         return maps if self.whole_sky else scattered(maps, self.mask)
 
     def seen_of(self, truth):
-        """Maps of a truth of the same pixels and channels, (n_channels, n_seen), 0 where missing here."""
-        true = truth.maps[:, self.mask[truth.mask]]
-        return true if self.missing is None else np.where(self.missing, 0, true)
+        """Maps of a truth of the same pixels and channels, (n_channels, n_seen), as `without_gaps`."""
+        return self.without_gaps(truth.maps[:, self.mask[truth.mask]])
+
+    def without_gaps(self, maps):
+        """Maps (n_channels, n_seen); where voxels are missing, less their means, and 0 in these voxels.
+
+        So that gaps have no power: with its means a map would have a step at each.
+        """
+        if self.missing is None:
+            return maps
+        means = means_of(maps, self.weights)[:, None].astype(maps.dtype)
+        return np.where(self.missing, np.zeros((), maps.dtype), maps - means)
 
 
 def are_scattered(seen):
@@ -247,7 +259,7 @@ def make_cube(maps, layout, *, weights=None):
     if weights is not None:
         weights = weights[np.ix_(channels, mask)]
     freqs = layout.freqs[channels]
-    remarks = _remarks_on(lines, freqs, mask, weights, layout)
+    remarks = [*_remarks_on_area(freqs, mask, weights, layout), *_remarks_on(lines, freqs, weights)]
     if dead.any():
         names = ", ".join(f"{freq:g}" for freq in np.sort(layout.freqs[dead])[:5])
         remarks.append(f"{dead.sum()} of these have one value everywhere, as dead ones: {names} MHz.")
@@ -287,8 +299,8 @@ def _seen_channels(seen, freqs):
     return channels
 
 
-def _remarks_on(maps, freqs, mask, weights, layout):
-    """What is not seen of a cube, and what may be a mistake in it, a list of sentences."""
+def _remarks_on_area(freqs, mask, weights, layout):
+    """Which channels and pixels are left out, a list of sentences."""
     remarks, where = [], "every" if weights is None else "some"
     n_channels = len(layout.freqs)
     if len(freqs) < n_channels:
@@ -296,9 +308,15 @@ def _remarks_on(maps, freqs, mask, weights, layout):
     if not mask.all():
         area = layout.pixels.area
         remarks.append(f"{mask.mean():.1%} of {area} is seen in {where} channel; the rest is masked.")
-    if weights is not None and (weights == 0).any():
+    return remarks
+
+
+def _remarks_on(maps, freqs, weights):
+    """What is missing in the maps of a cube, and what may be a mistake in them, a list of sentences."""
+    remarks, missing = [], missing_of(weights)
+    if missing is not None:
         remarks.append(
-            f"{np.mean(weights == 0):.2%} of the voxels in these pixels are missing (flagged, not seen or of "
+            f"{np.mean(missing):.2%} of the voxels in these pixels are missing (flagged, not seen or of "
             "no weight): they have no weight, their residual is not known, and the spectra have 0 in "
             "their place."
         )

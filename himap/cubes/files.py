@@ -109,7 +109,8 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
     with reading(path):
         names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
         # The shape of an array hardly says which axis is which: where axes are given, they come first.
-        first = {} if axes is None or format_of(path) == "HDF5" else {"axes": axes}
+        by_axes = axes is not None and format_of(path) != "HDF5" and not _states_axes(path, cube)
+        first = {"axes": axes} if by_axes else {}
         try:
             maps, layout = read_file(path, **first, held=_HELD_TRUTH)
         except InputError:
@@ -121,6 +122,23 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
         unsaid = {name: value for name, value in given.items() if stated.get(name) is None}
         truth = make_cube(maps, completed(path, len(maps), layout, **unsaid))
     return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
+
+
+def _states_axes(path, cube):
+    """Whether an image cube has the channels and the image of a `Cube`, as its header has the axes.
+
+    Not where the header of the `Cube` says the same: axes that are given correct it, and this one too.
+    """
+    if cube is None or cube.layout.freqs_from.startswith("the axis FREQ"):
+        return False
+    try:
+        _, layout = read_file(path, held=_HELD_TRUTH)
+    except InputError:
+        return False
+    if layout.freqs is None or layout.pixels.whole_sky:
+        return False
+    near = same_freqs(layout.freqs[:, None], cube.freqs).any(axis=0)
+    return bool(near.all()) and layout.pixels.same(cube.layout.pixels)
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
@@ -186,7 +204,7 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
     InputError
         What is given contradicts the file, or neither says what is needed.
     """
-    pixels, freqs_from = layout.pixels, layout.freqs_from or "what was given"
+    pixels, freqs_from = layout.pixels, layout.freqs_from or "the caller"
     if isinstance(freqs, str | os.PathLike):
         freqs, given_from = read_freqs(freqs)
         freqs_from = layout.freqs_from or given_from
@@ -269,7 +287,7 @@ def read_freqs(path):
     """
     numbers = read_numbers(regular_file(path, "file of frequencies"))
     if numbers.ndim == 1 or 1 in numbers.shape:
-        return numbers.ravel(), "what was given"
+        return numbers.ravel(), str(path)
     is_table = numbers.ndim == 2 and numbers.shape[1] in (2, 3, 5)
     is_numbered = is_table and numbers.shape[1] > 2
     if is_table and (not is_numbered or np.array_equal(numbers[:, 0], np.arange(1, len(numbers) + 1))):

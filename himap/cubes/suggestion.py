@@ -211,10 +211,17 @@ def advice(suggestion):
     tried = f"from {suggestion.n_sources[0]} to {suggestion.n_sources[-1]}"
     if suggestion.range is None:
         other = "" if suggestion.widths is not None else ", or a method that knows the beam"
-        return f"No number {tried} leaves both spectra as they are with one more: try larger ones{other}."
+        most = "there are too few channels for more"
+        if suggestion.n_sources[-1] < len(suggestion.eigenvalues) - 1:
+            most = f"try larger ones{other}"
+        return f"No number {tried} leaves both spectra as they are with one more: {most}."
     low, high = suggestion.range
     if low < high:
         numbers = f"{low} to {high}, and look at the page of each"
+    elif low == suggestion.n_sources[0] > max(suggestion.n_bright, 1):
+        numbers = f"{low}, the smallest that was tried: try smaller ones"
+    elif not suggestion.n_bright:
+        numbers = f"{low}, if any: no eigenvalue exceeds HI and noise"
     elif suggestion.criterion_alone and low != suggestion.n_bright:
         numbers = f"{low}, by what this method leaves"
     else:

@@ -15,7 +15,6 @@ from himap.maps.low_rank import LowRankCube
 from himap.measures.bootstrap import sigma
 from himap.measures.low_rank_spectra import FAINT, masked_alms
 from himap.measures.transfer import TransferFunction, harmonic_power, mock_power, mock_power_of_cubes
-from himap.removal.data import means_of
 from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of
 
 
@@ -45,6 +44,8 @@ class Corrected:
         `corrected`.
     truth
         The spectrum of the truth, NaN where it is not known.
+    drawn
+        As of `CubeTransfer`: if not, the foreground residual is not known, and `systematic` is no error.
     """
 
     x: np.ndarray
@@ -56,6 +57,7 @@ class Corrected:
     expected: np.ndarray
     systematic: np.ndarray
     truth: np.ndarray
+    drawn: bool
 
     @property
     def knows_truth(self):
@@ -157,15 +159,13 @@ def _analysed(cube, parts, mocks):
     The maps are as they came; the others of the mock less its means, and 0 where a voxel is missing.
     """
     for mock in mocks:
-        mock = seen = checked_cube("a mock", mock)
+        mock = checked_cube("a mock", mock)
         if mock.shape != cube.maps.shape:
             raise InputError(
                 f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
                 f"{mock.shape}."
             )
-        if cube.missing is not None:
-            means = means_of(mock, cube.weights)[:, None].astype(mock.dtype)
-            seen = np.where(cube.missing, np.zeros((), mock.dtype), mock - means)
+        seen = cube.without_gaps(mock)
         yield alms_of(cube, seen), mock, parts.powers(seen, cube.channel_width)
 
 
@@ -313,4 +313,5 @@ def _corrected(kind, transfer, power, shown, true):
         expected=bins @ expected[known] * scale,
         systematic=bins @ transfer.foreground(kind)[known] * scale,
         truth=np.interp(x[inside], *true, left=np.nan, right=np.nan),
+        drawn=transfer.drawn,
     )

@@ -166,7 +166,8 @@ def _write_hdf5(cleaned, path, as_given, about, sentences):
             file.create_dataset(name, data=maps).attrs["unit"] = layout.unit
         file.create_dataset("freqs", data=layout.freqs).attrs["unit"] = "MHz"
         mixing = file.create_dataset("mixing", data=cleaned.separation.mixing)
-        mixing.attrs["rows"] = "channels by frequency, ascending"
+        mixing.attrs["rows"] = "channels by frequency, ascending, of those with data: in MHz, freqs"
+        mixing.attrs["freqs"] = cleaned.cube.freqs
         about |= {"parameters": json.dumps(asdict(cleaned.method))}
         about |= {"remarks": shortened("\n".join(map(plain_text, sentences)))}
         attributes, datasets = layout.pixels.in_hdf5(layout)

@@ -112,7 +112,7 @@ def _cube_and_beams(asked, remover):
         return cube, None
     beams = beams_of(cube, asked.beam, dish=asked.dish)
     widths, beam = np.rad2deg(gaussian_widths(beams)), named(asked.beam).chosen_for(cube.freqs)
-    _tell(asked, f"The beams, {beam}, have a FWHM of {min(widths):.3g} to {max(widths):.3g} deg.")
+    _tell(asked, f"The beams, {beam}, have a FWHM of {abs(min(widths)):.3g} to {abs(max(widths)):.3g} deg.")
     return cube, beams
 
 
