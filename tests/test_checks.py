@@ -4,7 +4,7 @@ import astropy.units as u
 import numpy as np
 import pytest
 
-from himap.core.checks import checked_cube, evenly_spaced
+from himap.core.checks import checked_cube, checked_noise, evenly_spaced
 from himap.core.survey import Survey
 from himap.removal.pca import PCA
 
@@ -23,6 +23,12 @@ def test_cubes_keep_float32_and_widen_the_rest(maps):
     assert checked_cube("maps", np.ma.array(maps)).shape == maps.shape  # nothing masked: fine
     for kind in (np.int32, np.float16, ">f8"):
         assert checked_cube("maps", maps.astype(kind)).dtype == np.float64
+
+
+def test_temperatures_in_other_units(maps):
+    plain, kelvin = (PCA().clean(one, freqs=SURVEY.freqs) for one in (maps, maps / 1e3 * u.K))
+    assert kelvin.residual == pytest.approx(plain.residual, abs=1e-6 * np.abs(maps).max())
+    assert checked_noise("noise", 1e-5 * u.K) == pytest.approx(0.01)
 
 
 def test_frequencies_in_other_units(maps):

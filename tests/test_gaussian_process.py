@@ -9,7 +9,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern, WhiteKernel
 
 from himap.removal.covariance import channel_covariance
-from himap.removal.gaussian_process import GaussianProcess, cost, smoother
+from himap.removal.gaussian_process import GaussianProcess, cost, smoother, squared_exponential
 
 FREQS = np.linspace(902.5, 1397.5, 40)
 TRUE = np.array([1e4, 300, 30, 90, 0.5, 12, 0.2])  # variance and length of each part, variance of the noise
@@ -77,7 +77,7 @@ def test_parameters_of_a_known_process_are_found(rng):
     method = GaussianProcess()
     covariance = channel_covariance(maps)
     variance = np.trace(covariance) / len(FREQS)
-    found = np.exp(method._maximised(FREQS, covariance / variance, 1e-2).x)
+    found = np.exp(method._maximised(FREQS, covariance / variance, 1e-2, np.ptp(FREQS) / 5).x)
     found[[0, 2, 4, 6]] *= variance
     assert found[4:] == pytest.approx(TRUE[4:], rel=0.1)
     assert found[[1, 3]] == pytest.approx(TRUE[[1, 3]], rel=0.1)
@@ -95,3 +95,26 @@ def test_foregrounds_longer_than_the_band_are_no_trouble(rng):
         warnings.simplefilter("error")
         left = GaussianProcess().clean(flat, freqs=FREQS).residual
     assert left.std() == pytest.approx(0.1, rel=0.05)
+
+
+@pytest.mark.parametrize("length", [20.0, 6.0, 3.0])
+def test_the_root_is_that_of_the_kernel_however_short(length):
+    """Of a band of 500 MHz: factors of its terms are below what a float holds from 6.7 MHz down."""
+    place = np.linspace(-250, 250, 100)
+    root, slope = squared_exponential(place, 0.0, np.log(length))
+    ratio = (place[:, None] - place) / length
+    kernel = np.exp(-0.5 * ratio**2)
+    assert root @ root.T == pytest.approx(kernel, abs=1e-10)
+    assert slope @ root.T + root @ slope.T == pytest.approx(ratio**2 * kernel, abs=1e-8)
+
+
+def test_a_short_ripple_is_found(rng):
+    """The mixing of a beam with a period of 20 MHz, from whichever start: two of them miss it."""
+    freqs, n_pix = np.linspace(900, 1400, 100), 2000
+    angle = 2 * np.pi * freqs[:, None] / 20
+    ripple = rng.standard_normal(n_pix) * np.cos(angle) + rng.standard_normal(n_pix) * np.sin(angle)
+    sky = 1e3 * rng.lognormal(size=n_pix) * (freqs[:, None] / 1150) ** -2.7
+    kernel = 0.01 * np.exp(-np.abs(freqs[:, None] - freqs) / 3) + 1e-4 * np.eye(len(freqs))
+    hi = np.linalg.cholesky(kernel) @ rng.standard_normal((len(freqs), n_pix))
+    cleaned = GaussianProcess(shortest=5.0).clean(sky + ripple + hi, freqs=freqs)
+    assert np.std(cleaned.residual - hi) < 0.2

@@ -199,6 +199,13 @@ TABLE = [
     (method("gaussian_process"), "shortest", 0, "shortest .* must be above 0"),
     (method("gaussian_process"), "longest_hi", 0, "longest_hi .* must be above 0"),
     (partial(clean, "gaussian_process"), "n_channels", 6, "needs 7 channels or more, got 6"),
+    (partial(clean, "gnilc"), "n_channels", 7, "needs 8 channels or more, got 7"),
+    (
+        partial(clean, "pca"),
+        "maps",
+        np.where(np.arange(100)[:, None] == 5, 3.0, SKY),
+        "channel 5 has one value everywhere",
+    ),
     (partial(clean, "gaussian_process"), "maps", np.ones(SKY.shape), "maps that vary over the sky"),
     (method("gnilc"), "prior", 3, "prior must be the path"),
     (method("gnilc"), "first_peak", 1, "first_peak .* must be at least 2"),

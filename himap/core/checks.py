@@ -13,7 +13,9 @@ _UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
 
 
 def real_array(label, values):
-    """`values` as an array of real numbers; not masked, not ragged, not complex."""
+    """`values` as an array of real numbers, temperatures of astropy in mK; not masked, ragged or complex."""
+    if hasattr(values, "to_value") and getattr(values.unit, "physical_type", "") == "temperature":
+        values = values.to_value("mK")
     if np.ma.is_masked(values):
         raise InputError(f"{label} has masked values; fill them first, as with values.filled(...).")
     try:

@@ -96,7 +96,8 @@ class Data:
         Raises
         ------
         InputError
-            Maps that are not finite, or of one channel; a mask, weights or an image that do not fit them.
+            Maps that are not finite, of one channel, or with a channel that has one value everywhere; a mask,
+            weights or an image that do not fit them.
         """
         maps = real_array("maps", maps)
         shape = maps.shape
@@ -119,6 +120,7 @@ class Data:
             maps, weights = maps[:, kept], None if weights is None else weights[..., kept]
         if by_voxel:
             maps = np.where(weights > 0, maps, np.zeros((), maps.dtype))
+        _refuse_dead_channels(label, maps, missing_of(weights))
         return cls(maps=maps, freqs=freqs, grid=grid, weights=weights, seed=rng, **known)
 
     @property
@@ -129,7 +131,7 @@ class Data:
     @property
     def missing(self):
         """Which voxels are missing, (n_channels, n_pix) bool, or None."""
-        return self.weights == 0 if np.ndim(self.weights) == 2 else None
+        return missing_of(self.weights)
 
     @property
     def rng(self):
@@ -218,6 +220,17 @@ class Data:
         return replace(self, maps=self.maps[:, kept], weights=weights, grid=kept)
 
 
+def _refuse_dead_channels(label, maps, missing):
+    """InputError for a channel without any variation among others with some, but for voxels `missing`."""
+    rows = maps if missing is None else (row[~gaps] for row, gaps in zip(maps, missing, strict=True))
+    varies = np.array([np.ptp(row) > 0 for row in rows])
+    if varies.any() and not varies.all():
+        raise InputError(
+            f"{label} must vary over the sky, and channel {varies.argmin()} has one value everywhere, as a "
+            "dead one; leave it out."
+        )
+
+
 def scattered(lines, kept):
     """Lines of sight (n, n_kept) among all pixels, (n, n_pix), 0 elsewhere."""
     out = np.zeros((len(lines), len(kept)), dtype=lines.dtype)
@@ -279,6 +292,12 @@ def checked_weights(weights, shape, kept=None):
     if values.ndim == 1 and np.ptp(values[seen]) == 0:
         values = None
     return None if kept is None and seen.all() else seen, values
+
+
+def missing_of(weights):
+    """Which voxels have no weight of weights as `checked_weights` gives them; None if all have some."""
+    missing = np.equal(weights, 0) if np.ndim(weights) == 2 else None
+    return missing if missing is not None and missing.any() else None
 
 
 def check_channels(weights, least, label):

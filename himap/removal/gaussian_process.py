@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 from scipy import linalg, optimize
+from scipy.special import gammaln, xlogy
 
 from himap.core.errors import InputError
 from himap.removal.base import ForegroundRemover, Separation, parameter
@@ -36,7 +37,7 @@ class GaussianProcess(ForegroundRemover):
 
         ln L = -n/2 (ln det K + tr K^-1 C) + const,   C = d d^T / n,
 
-    by L-BFGS with the exact gradient, from two starts, of which the better end counts. It takes lines of
+    by L-BFGS with the exact gradient, from three starts, of which the best end counts. It takes lines of
     sight as independent draws, which changes how sure it is and not where its maximum is.
 
     The foreground is linear in the data, so it is a mixing matrix times sources: the eigenvectors of
@@ -54,10 +55,11 @@ class GaussianProcess(ForegroundRemover):
         return _N_PARAMETERS
 
     def _separate(self, data):
-        variance = np.trace(data.covariance) / len(data.covariance)
+        variance, band = np.trace(data.covariance) / len(data.covariance), np.ptp(data.freqs)
         if variance == 0:
             raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
-        runs = [self._maximised(data.freqs, data.covariance / variance, mix) for mix in _STARTS]
+        mixes = [(_STARTS[0], band / 5), (_STARTS[1], band / 5), (_STARTS[1], 1.5 * self.shortest)]
+        runs = [self._maximised(data.freqs, data.covariance / variance, *mix) for mix in mixes]
         best = min(runs, key=lambda run: run.fun)
         spectra, rows = smoother(best.x, data.freqs)
         mixing, sources = ordered(spectra, data.project(rows))
@@ -66,10 +68,10 @@ class GaussianProcess(ForegroundRemover):
             mixing=mixing, sources=sources, converged=best.status != _OUT_OF_STEPS, n_iterations=best.nit
         )
 
-    def _maximised(self, freqs, covariance, mix):
-        """The most likely logarithms of the parameters, scipy's result; `mix` is where that variance starts.
+    def _maximised(self, freqs, covariance, mix, length):
+        """The most likely logarithms of the parameters, scipy's result, in units of the data's variance.
 
-        In units of the data's variance.
+        `mix` and `length`, MHz, are where the variance and length of the less smooth foreground start.
         """
         band = freqs[-1] - freqs[0]
         faint = np.clip(np.median(np.linalg.eigvalsh(covariance)), _LEAST, 1)
@@ -77,7 +79,7 @@ class GaussianProcess(ForegroundRemover):
         foreground = np.log([self.shortest, max(_LONGEST * band, 2 * self.shortest)])
         signal = np.log([self.longest_hi / _LONGEST, self.longest_hi])
         bounds = [amplitude, foreground, amplitude, foreground, amplitude, signal, amplitude]
-        start = np.log([1, band, mix, band / 5, faint, self.longest_hi / 3, faint])
+        start = np.log([1, band, mix, length, faint, self.longest_hi / 3, faint])
         return optimize.minimize(
             cost,
             np.clip(start, *np.transpose(bounds)),
@@ -123,14 +125,15 @@ def squared_exponential(place, variance, length):
     """A root F of v exp(-(x - y)^2 / (2 L^2)) = F F^T, and its derivative with respect to ln L.
 
     F_k(x) = sqrt(v / k!) (x / L)^k exp(-x^2 / (2 L^2)), from the series of exp(x y / L^2): each number has
-    all its digits. A root of the matrix itself has a rounding of v in every eigenvalue, more than HI has.
-    Of x, MHz from the middle of the band, (n_channels,), and the logarithms of v, mK^2, and L, MHz.
+    nearly all its digits, from logarithms, since its factors may underflow. A root of the matrix itself has a
+    rounding of v in every eigenvalue, more than HI has. Of x, MHz from the middle of the band, (n_channels,),
+    and the logarithms of v, mK^2, and L, MHz.
     """
     ratio = place / np.exp(length)
     largest = np.abs(ratio).max()
     order = np.arange(int(largest**2 + 12 * largest + 40))  # beyond, terms are below 1e-16 of the largest
-    first = np.exp(0.5 * variance - 0.5 * ratio**2)[:, None]
-    root = np.cumprod(np.hstack([first, ratio[:, None] / np.sqrt(order[1:])]), axis=1)
+    size = xlogy(order, np.abs(ratio)[:, None]) - 0.5 * gammaln(order + 1)
+    root = np.sign(ratio[:, None]) ** order * np.exp(0.5 * variance - 0.5 * ratio[:, None] ** 2 + size)
     return root, root * (ratio[:, None] ** 2 - order)
 
 

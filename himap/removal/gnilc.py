@@ -22,6 +22,7 @@ from himap.removal.separation import ordered
 
 _BRIGHT = 9.0  # times the median of the variances: foreground, not HI and noise alone
 _ORDER = 3  # of the polynomial in frequency through the logarithm of a variance
+_FEWEST = 8  # channels: of fewer, the median has foreground
 _FAINT = 1e-3  # of the largest weight: pixels below it do not feel a region
 _ROUNDING = 1e-14  # of the variance of the data: a prior below that is of float32 maps without HI and noise
 
@@ -55,7 +56,7 @@ class GNILC(ForegroundRemover):
 
     Q should be that of a mock of HI and noise through the instrument, the `prior`, made `stationary`, for one
     mock has few modes. Without it Q has its shape from theory and its level from the data
-    (`expected_covariance`), as a method is not to know the simulations.
+    (`expected_covariance`), as a method is not to know the simulations; that takes eight channels or more.
     """
 
     name: ClassVar[str] = "gnilc"
@@ -72,6 +73,9 @@ class GNILC(ForegroundRemover):
         super().__post_init__()
         if not isinstance(self.prior, str | None):
             raise InputError(f"prior must be the path of a .npy file, got {self.prior!r}.")
+
+    def least_channels(self, n_channels):
+        return _FEWEST if self.prior is None else 1
 
     def digest(self):
         """A hash of the mock."""

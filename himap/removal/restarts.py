@@ -29,8 +29,11 @@ FLAGS = {
 noise have, and where a quarter of the power differs."""
 
 _WAY_OUT = (
-    "Take beam_subspace, which does not depend on its start; or thresholds='analytic', share=1, n_warmup=1, "
-    "sign='free', with which sdecgmca settles; or more sources."
+    "Take beam_subspace, which does not depend on its start; or thresholds=analytic, share=1, n_warmup=1 and "
+    "sign=free (each after -p in the shell), with which sdecgmca settles; or more sources."
+)
+_NO_MAJORITY = (
+    "Most restarts do not agree with the medoid, which then is no better than they are: do not use it."
 )
 
 
@@ -136,7 +139,9 @@ class Ensemble:
             f"{method.name} is chaotic: this is restart {method.restart}, the medoid of {n}, of which "
             f"{len(failing)} look failed{': ' if failing else ''}{', '.join(reasons)}."
         )
-        return [first, _WAY_OUT] if 2 * len(failing) >= n or method.restart in failing else [first]
+        alone = [_NO_MAJORITY] if 2 * len(failing) > n else []
+        doubtful = 2 * len(failing) >= n or method.restart in failing
+        return [first, *alone, _WAY_OUT] if doubtful else [first]
 
 
 def remarks_on_one(cleaning):
