@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from himap.maps import sphere
-from himap.measures.bootstrap import covariance, sigma
+from himap.measures.bootstrap import covariance, sigma, squared_pull
 from himap.measures.transfer import TransferFunction, harmonic_power, mock_power
 from himap.removal import PCA
 from himap.removal.cleaning import Cleaning
@@ -23,6 +23,15 @@ def test_error_bars_of_few_draws_cover_68_percent(rng, n_mocks):
     errors = mocks - (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
     covered = np.mean(np.abs(data - mocks.mean(axis=0)) < sigma(errors))
     assert 0.67 < covered < 0.683 + 0.06 / (n_mocks - 1)
+
+
+@pytest.mark.parametrize("n_mocks", [8, 12, 50])
+def test_squared_pulls_of_true_error_bars(rng, n_mocks):
+    data, mocks = np.split(rng.standard_normal((n_mocks + 1, 40_000)), [1])
+    errors = mocks - (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
+    pulls = (data - mocks.mean(axis=0)) / sigma(errors)
+    assert np.mean(pulls**2) == pytest.approx(squared_pull(n_mocks), rel=0.05)
+    assert squared_pull(3) == np.inf
 
 
 def test_a_covariance_is_that_of_what_was_drawn(rng):

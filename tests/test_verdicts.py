@@ -9,6 +9,7 @@ from ledgers import entry_of, judged
 from himap.paper.claims import CLAIMS, FAILED, INAPPLICABLE, REPRODUCED, UNDECIDED, Finding, Part
 from himap.paper.claims.base import parts_of, places_of
 from himap.paper.claims.entries import wilson
+from himap.paper.ledger_table import measured
 
 ABSENT = f"{FAILED} (premise absent)"
 
@@ -103,6 +104,12 @@ def test_a_premise_that_is_absent_counts_as_not_reproduced_and_is_said(n_absent,
     assert entry.shares["absent"]["lower"] == n_absent / 10
 
 
+def test_a_premise_that_one_part_has_is_not_absent():
+    parts = [Part("lower", None, True, "SD"), Part("k", True, True, "SD")]
+    other = [parts[0], Part("k", False, True, "SD")]
+    assert judged([parts, other]).label == FAILED
+
+
 def test_a_part_that_a_member_does_not_have_does_not_hold_there():
     entry = judged([(Part("a", True), *places_of({"total": n})) for n in (5, 5, 6, 5)])
     assert entry.places == {"total 5": 0.75, "total 6": 0.25}
@@ -115,6 +122,25 @@ def test_the_number_is_the_median_with_16_to_84_percent_of_the_members():
     findings[1, 0] = Finding(1000.0, (), "")  # one sky of two, so half of the members
     assert entry_of(findings).values[2] == 1000.0 and entry_of(findings).values[0] >= 100
     assert all(math.isnan(value) for value in judged([()], value=math.nan).values)
+
+
+def test_members_without_a_number_keep_their_weight():
+    """One of the four restarts of a sky has a number, two of those of another: each counts the same."""
+    numbers = {(0, 0): 10.0, (0, 1): math.nan, (0, 2): math.nan, (0, 3): math.nan}
+    numbers |= {(1, 0): 1.0, (1, 1): 1.1, (1, 2): math.nan, (1, 3): math.nan}
+    entry = entry_of({member: Finding(value, (), "") for member, value in numbers.items()})
+    assert entry.values[0] == 1.1
+    assert measured(entry).endswith("in 3 of 8 members")
+
+
+def test_what_no_restart_changes_is_one_draw():
+    """Of the sky alone, unlike what is about no single method and has another number in each restart."""
+    parts = (Part("a", True),)
+    low = {
+        spread: entry_of({(0, k): Finding(1.0 + spread * k, parts, "") for k in range(8)}).shares["low"]["a"]
+        for spread in (0, 1)
+    }
+    assert low == pytest.approx({0: wilson(1, 1)[0], 1: wilson(8, 8)[0]})
 
 
 @pytest.mark.parametrize(("ica", "held"), [(2, False), (1, True), (None, None)])

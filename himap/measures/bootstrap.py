@@ -28,6 +28,18 @@ def chance_of(n_sigma, n_mocks):
     return 2 * stats.t.sf(n_sigma * _student(n_mocks), n_mocks - 1)
 
 
+def squared_pull(n_mocks):
+    """The mean of (error / `sigma` of `n_mocks`)^2 that true error bars have; infinite for three or fewer.
+
+    A Gaussian over a Student: 1 for many, more for few.
+    """
+    if n_mocks <= 3:
+        return np.inf
+    variance = (n_mocks + 1) / n_mocks  # of data corrected by all mocks; the next of mocks, by the others
+    of_bars = n_mocks / (n_mocks - 1) * _student(n_mocks) ** 2
+    return variance / of_bars * (n_mocks - 1) / (n_mocks - 3)
+
+
 def covariance(errors):
     """Covariance (n, n) of the errors of mocks, (n_mocks, n), whose diagonal is `sigma` squared.
 

@@ -178,7 +178,9 @@ def members_text(entry):
 
 
 def measured(entry):
-    """Median, and the range from 16 to 84 % of the members where there are several."""
+    """Median, and the range from 16 to 84 %, of the members that have a number; how many, if not all."""
     median, low, high = entry.values
     spread = f" ({low:.3g} to {high:.3g})" if low < high else ""
-    return "–" if math.isnan(median) else f"{median:.3g}{spread}"
+    number, total = entry.members["value"].map(math.isfinite).sum(), len(entry.members)
+    some = f", in {number} of {total} members" if number < total else ""
+    return "–" if math.isnan(median) else f"{median:.3g}{spread}{some}"

@@ -98,14 +98,15 @@ class Entry:
 
     @property
     def values(self):
-        """The measured number: median, and the range from 16 to 84 % of the members; NaN if there is none."""
-        finite = self.members["value"][np.isfinite(self.members["value"])]
-        skies = [several.tolist() for _, several in finite.groupby("seed")]
-        if not skies:
+        """The measured number: median, and the range from 16 to 84 % of the members that have it, or NaN."""
+        values = self.members["value"]
+        sizes = values.groupby("seed").transform("size")
+        often = math.lcm(*sizes) // sizes  # so that skies weigh the same
+        known = np.isfinite(values)
+        if not known.any():
             return (math.nan,) * 3
-        often = math.lcm(*map(len, skies))  # so that skies weigh the same
-        values = [value for several in skies for value in several * (often // len(several))]
-        return tuple(np.quantile(values, (0.5, HOLDS_NOT, HOLDS)).tolist())
+        weighed = values[known].repeat(often[known])
+        return tuple(np.quantile(weighed, (0.5, HOLDS_NOT, HOLDS)).tolist())
 
     @property
     def places(self):
@@ -200,7 +201,10 @@ def shares_of(rows):
     columns |= {"absent": ("absent", "mean"), "members": ("size", "sum"), "skies": ("size", "size")}
     shares = skies.groupby(part, sort=False).agg(**columns)
     alone = shares["skies"] == 1
-    draws = shares["members"].where(parts["method"].isin(("SD", "")).to_numpy(), 1)[alone]
+    # What no restart changes is one draw: another method, or a claim about none with one value.
+    changed = judged.groupby("claim")["value"].nunique(dropna=False) > 1
+    drawn = parts["method"].eq("SD") | (parts["method"].eq("") & parts["claim"].map(changed))
+    draws = shares["members"].where(drawn.to_numpy(), 1)[alone]
     ends = [wilson(round(share * n), n) for share, n in zip(shares["mean"][alone], draws, strict=True)]
     shares.loc[alone, ["low", "high"]] = np.reshape(ends, (-1, 2))
     sure = shares["mean"] >= HOLDS - _ROUNDING, shares["mean"] <= HOLDS_NOT + _ROUNDING
@@ -242,6 +246,5 @@ def judge_shares(shares):
         return IN_PART, "; ".join(words)
     if True in by_method or None in by_method or False not in outcome.values():
         return UNDECIDED, ""
-    failing = [share for share in shares if share.holds is False]
-    absent = all(share.absent >= HOLDS - _ROUNDING for share in failing)
+    absent = all(share.absent >= HOLDS - _ROUNDING for share in shares if share.holds is not True)
     return FAILED, "premise absent" if absent else ""
