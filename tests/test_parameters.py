@@ -65,6 +65,8 @@ def test_values_from_the_command_line(name, text, value):
         ("masked", "1", "true or false, got 1"),
         ("degrees", "3", "a list, got 3"),
         ("options", "[]", "a dict such as .* got \\[\\]"),
+        ("options", "{[1]: 2}", "a dict such as .* got '{"),
+        ("degrees", "[" * 100_000, "a list, got '\\["),
         ("n_max", "x", "a whole number or null, got 'x'"),
     ],
 )
@@ -103,6 +105,7 @@ def test_survey_fields_are_parameters_where_the_cell_has_a_survey():
         ({}, "big", "unknown preset 'big'; there are ci"),
         ({"preset": "big"}, None, "unknown preset 'big'; there are ci"),
         ({"preset": "ci"}, "quick", "given twice"),
+        ({"survey": {"seed": 7}, "seed": 8}, None, "seed given twice, alone and in survey"),
     ],
 )
 def test_names_and_the_survey_are_checked_before_anything_runs(given, preset, message):

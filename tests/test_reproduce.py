@@ -142,6 +142,18 @@ def test_names_of_copies_differ_and_fit_a_file_system():
     assert not set("/ ") & set(one)
 
 
+def test_a_file_that_a_parameter_names_counts_by_its_content(folder):
+    Path("good").write_text("1")
+    once = {"parameters": {"mode": "good"}, "preset": "ci", "folder": folder, "again": False}
+    assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]
+    Path("good").write_text("12")
+    assert reproduce.run("01", **once)[1]
+    Path("good").unlink()
+    Path("good").mkdir()
+    Path("good/table.txt").write_text("1")
+    assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]
+
+
 def test_a_run_with_other_parameters(folder, monkeypatch):
     passed = {"preset": "ci", "parameters": {"scale": 2, "nside": 16}, "folder": folder}
     path, done = reproduce.run("01", **passed)

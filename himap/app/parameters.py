@@ -112,7 +112,13 @@ def parse_texts(declared, texts):
         for parse in (json.loads, ast.literal_eval):  # the second for None, True, ['single quotes']
             try:
                 value = parse(text)
-            except (ValueError, SyntaxError):
+            except (
+                ValueError,
+                SyntaxError,
+                TypeError,
+                RecursionError,
+                MemoryError,
+            ):  # {[1]: 2}, 9999 brackets
                 continue
             kinds = known[name].kinds if name in known else set()
             if "str" not in kinds or _kind_of(value) in kinds:
@@ -157,6 +163,9 @@ def check_parameters(declared, given, preset=None):
     survey = {name: values.pop(name) for name in given if known[name].default is _OF_PRESET}
     if not all(isinstance(name, str) for name in values.get("survey", {})):
         raise InputError(f"survey must be a dict of fields by name, got {values['survey']!r}.")
+    twice = [name for name in survey if values.get("survey", {}).get(name, survey[name]) != survey[name]]
+    if twice:
+        raise InputError(f"{', '.join(twice)} given twice, alone and in survey, with other values; give one.")
     if survey or "survey" in values:
         values["survey"] = {**known["survey"].default, **values.get("survey", {}), **survey}
     if "preset" in known:

@@ -9,6 +9,7 @@ not stale.
 
 import contextlib
 import copy
+import hashlib
 import json
 import logging
 import os
@@ -99,6 +100,7 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None, again=T
             stamp = node.metadata[STAMP]
             unedited = stamp["text"] == text_digest(node)
     same = stamp.get("parameters") == json.loads(json.dumps(values))  # as a file holds them
+    same = same and stamp.get("execution", {}).get("files", {}) == _files_in(values)
     if not again and same and not moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True):
         return path, False
     check_output(path, overwrite=overwrite or (output is None and unedited))
@@ -195,6 +197,7 @@ def _execute(notebook, parameters, folder):
     from himap.app.kernels import AsyncLocalKernelManager
 
     fingerprint = notebook.fingerprint()  # of the code that runs, whatever is edited meanwhile
+    files = _files_in(parameters)
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
     node.cells.append(nbformat.v4.new_code_cell(_ABOUT_ITSELF))
@@ -226,7 +229,20 @@ def _execute(notebook, parameters, folder):
         raise NotebookError(f"the kernel of {notebook.name} died of {cause}.{way_out}") from error
     said = json.loads("".join(output.text for output in done.cells.pop().outputs))
     execution = said | {"seconds": round(time.monotonic() - started, 1)}
+    execution |= {"files": files} if files else {}
     return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters, execution=execution)
+
+
+def _files_in(parameters):
+    """{name: digest} of the parameters that name a file or folder, by names, sizes and times of the files."""
+    digests = {}
+    for name, value in parameters.items():
+        if isinstance(value, str) and os.path.exists(value):
+            path = Path(value)
+            files = sorted(path.iterdir()) if path.is_dir() else [path]
+            states = [(one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in files]
+            digests[name] = hashlib.sha256(repr(states).encode()).hexdigest()[:16]
+    return digests
 
 
 def _kernel_variables():

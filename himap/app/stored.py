@@ -228,7 +228,8 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
         with_channels = scaling["found"]["n_channels"][name]["exponent"]
         growth = large["seconds"] / small["seconds"]
         growth /= (after["n_channels"] / before["n_channels"]) ** with_channels
-        with_nside = math.log(growth) / math.log(after["nside"] / before["nside"])
+        # 0 of what ends at some l at both sizes, such as SDecGMCA: more pixels make nothing faster.
+        with_nside = max(0.0, math.log(growth) / math.log(after["nside"] / before["nside"]))
         exponents = {"nside": with_nside, "n_channels": with_channels}
         factors = [(size[axis] / after[axis]) ** exponent for axis, exponent in exponents.items()]
         once = large["seconds"] * math.prod(factors)

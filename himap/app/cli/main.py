@@ -191,7 +191,11 @@ def verify(renew):
 
     others = accept(CALLS, further=codes_of_skies, rtols=RTOLS, renew=renew, report=click.echo)
     if others and not renew:
-        raise click.ClickException(f"other numbers than those stored: {', '.join(others)}.")
+        raise click.ClickException(
+            f"other numbers than those stored: {', '.join(others)}. If this is intended, `himap verify "
+            "--renew` stores those of today, and what former code made of these is stale; else undo the "
+            "change. The others were accepted."
+        )
 
 
 @main.group("cache")
