@@ -172,6 +172,7 @@ quote(
     results_oscillating_more_slow=entry(f"oscillating, {MORE}", slow),
     results_oscillating_sd_slow=entry("oscillating, SDecGMCA", slow),
     results_evolving_par_least=min(table["evolving", "parametric"].values()),
+    results_oscillating_failed=numbers["oscillating, SDecGMCA: failed"],
 )
 
 # %% [markdown]
@@ -190,7 +191,8 @@ quote(
 # - **Oscillating beam.** Paper: both fits fail; all other methods have an excess at low $\ell$ and low
 #   $k_\nu$ and a peak, which is lowest for SDecGMCA, the most accurate at intermediate $\ell$. Here the
 #   mean $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
-#   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`), its
+#   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`; restarts
+#   that failed: {glue:text}`results_oscillating_failed`), its
 #   highest $P/P_0$ at the peak {glue:text}`results_oscillating_sd_peak` (PCA:
 #   {glue:text}`results_oscillating_pca_peak`). PCA with one component more has
 #   {glue:text}`results_oscillating_more_low`, {glue:text}`results_oscillating_more_fine` and

@@ -248,7 +248,7 @@ whole = whole | {"ylim": None, "title": "full range"}
 # bands of two neighbouring $n_s$ overlap, the restarts do not separate them. This error does not show
 # foreground residual that compensates lost HI ({doc}`23_thresholds`); the mean $r$ in the last table does.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum, of SDecGMCA for each restart (the paper's Fig. 3). {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Thin dashed and dotted: the two spectra, medians of the restarts. Right: near the minimum; higher errors are cut off."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum, for SDecGMCA (of each restart; the paper's Fig. 3) and PCA. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Thin dashed and dotted: the two spectra, medians of the restarts. Right: near the minimum; higher errors are cut off."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
 
 # %% tags=["hide-input"]
@@ -410,7 +410,7 @@ quote(
 # loss, as only the net ratio is split. The right panel has only numbers of sources with little
 # excess; if SDecGMCA has none, it is not drawn.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; zeros are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; zeros and what is beyond the axis are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source."}}
 
 
 def part(name, sign):
@@ -508,8 +508,11 @@ show(unconverged)
 #   it.
 # - The minima of SDecGMCA's restarts, each the best of {glue:text}`scan_tried` runs, are at
 #   {glue:text}`scan_best` sources. That of PCA, at {glue:text}`scan_best_beside`, is
-#   {glue:text}`scan_beside_over_best` times as large; which is lower depends on the restarts. With 5 sources
+#   {glue:text}`scan_beside_over_best` times as large. With 5 sources
 #   the total MSE is {glue:text}`scan_error_five` for SDecGMCA and {glue:text}`scan_error_five_beside` for PCA.
+# - Few restarts are a small sample: of those in {doc}`10_results`, which has more of them with 5 sources on
+#   this sky, some fail ({glue:text}`10_results.ipynb::results_oscillating_failed:s`), and their total MSE is
+#   {glue:text}`13_dimmed_galaxy.ipynb::dimmed_error_sd:s`. Where the minimum is depends on which restarts fail.
 # - For PCA without foreground residual each source costs about a share $1/N_\nu$ of the power, more at low
 #   $k_\nu$ and low $\ell$.
 #

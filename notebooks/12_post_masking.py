@@ -155,8 +155,8 @@ quote(
 # lines that SDecGMCA flags are within 15° of the plane, as in the paper, in
 # {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members (skies and restarts).
 #
-# On flagged lines of the medoid the error has the ripple of the beam, which is foreground, or is in single
-# channels, most at the top of the band, where bright HI was removed.
+# On flagged lines of the medoid the error oscillates with frequency in the same way on all of them, and is
+# largest at the top of the band: it is foreground residual, as [below](post-parts).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). Of SDecGMCA those of the medoid; if not all are drawn, evenly spaced in rank of error. Left: recovered temperature; right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the other lines. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the drawn lines."}}
 shown = study.medoid(selected, removers[method])
@@ -206,8 +206,8 @@ quote(
 )
 
 # %% [markdown]
-# Flags are mostly in the brightest part of the Galactic plane, as in the paper. How many there are, and whether
-# some lie elsewhere, differs between restarts.
+# On this sky, flags are mostly in the brightest part of the Galactic plane, as in the paper. How many there
+# are, and whether some lie elsewhere, differs between restarts.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (yellow; the paper's Fig. 5, right). This run flags {glue:text}`post_shown_share` of the sky, rank {glue:text}`post_shown_rank` among the restarts (1: most)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
@@ -219,6 +219,7 @@ figure.axes[-1].set_visible(False)  # the colour bar of the flags, which are 0 o
 study.stamped(figure, beam=selected, method=method, **stated)
 
 # %% [markdown]
+# (post-parts)=
 # ## Foreground residual and lost HI
 #
 # With its mixing matrix fixed, a component method is a linear projection $\mathcal{P}$ of the maps with
@@ -292,8 +293,8 @@ quote(
 
 # %% [markdown]
 # For PCA the foreground residual exceeds the signal loss in nearly all channels, and has the ripple at the low
-# end of the band. In restarts of SDecGMCA that fail it is by far the larger; in the
-# others the two are comparable.
+# end of the band. So it does on the flagged lines of SDecGMCA, in restarts that fail and in others: these
+# differ in how many lines they flag.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-channels", "caption": "Rms of foreground residual, signal loss and truth over the flagged lines of sight, for PCA (left) and SDecGMCA (right; median and band of the restarts, each with its flagged lines)."}}
 looks = {
@@ -327,8 +328,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 # signal loss for PCA, FastICA and GMCA, and {glue:text}`post_sd_left_over_lost` times for SDecGMCA. Above 1
 # the rule flags *foreground*; well below, *bright HI* that was removed. For SDecGMCA signal loss is
 # {glue:text}`post_hi_of_error` of the sum of both squares, and {glue:text}`post_top_of_error` of the
-# squared error is in the last tenth of the band, where HI is nearest (10 % expected if
-# uniform in frequency).
+# squared error is in the last tenth of the band (10 % expected if uniform in frequency).
 #
 # ## Spectra without the flagged lines
 #
@@ -371,7 +371,7 @@ both_figure(study, selected, curves_of(component), n_sources=n_sources, reading=
 # %% [markdown]
 # The errors of the two fits are larger by orders of magnitude.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra recovered by the polynomial and the parametric fit, of the full sky (dotted) and without the flagged lines of sight (masked), with ratios to the truth on a logarithmic axis."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-fits", "caption": "Spectra recovered by the polynomial and the parametric fit, of the full sky (dotted) and without the flagged lines of sight (masked), with ratios to the truth, linear near 1 and logarithmic beyond."}}
 fits = [remover for remover in removers.values() if remover not in component]
 both_figure(study, selected, curves_of(fits))
 
@@ -428,6 +428,8 @@ def percent(name, what, when):
     return over_restarts(remover, [(100 * row[f"{what}: {when}"][0], 2, "%") for row in changes[remover]])
 
 
+polynomial, masked_polynomial = (members[0] for members in both(removers["polynomial"]))
+lowest = (masked_polynomial.angular / polynomial.in_bins_of(masked_polynomial).angular)[0]
 improved = [100 / left_of(fit.name, what)[0] for fit in fits for what in (PEAK, LOW, ANGULAR)]
 quote(
     post_peak_pca=left_of("pca", PEAK),
@@ -444,6 +446,7 @@ quote(
     post_angular_sd_after=percent("sdecgmca", ANGULAR, "after"),
     post_fits_least=(min(improved), 0.5),
     post_fits_most=(max(improved), 1),
+    post_polynomial_lowest=(lowest, 0.1 * lowest),
 )
 
 # %% [markdown]
@@ -454,8 +457,10 @@ quote(
 # | GMCA | {glue:text}`post_flagged_gmca` | {glue:text}`post_peak_gmca` | {glue:text}`post_low_gmca` | {glue:text}`post_angular_gmca` | {glue:text}`post_angular_gmca_after` |
 #
 # In the paper only SDecGMCA improves notably along the line of sight, and all component methods improve
-# across the sky, most SDecGMCA. The errors of the two fits decrease by factors from
-# {glue:text}`post_fits_least` to {glue:text}`post_fits_most` (below 1: they grow).
+# across the sky, most SDecGMCA. The mean errors of the two fits, which the largest $\ell$ dominate, decrease
+# by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most` (below 1: they grow); at the
+# lowest $\ell$ the power of the polynomial without the flagged lines is larger by a factor of
+# {glue:text}`post_polynomial_lowest`.
 #
 # ## Accuracy of the masked spectrum
 #

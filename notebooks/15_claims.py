@@ -109,7 +109,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # frequency (`laptop`: nside 128, 250 channels; skies: {glue:text}`claims_realisations`), measured by
 #
 # ```sh
-# himap measure claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER -p n_realisations=2 -p n_restarts=4 -p n_sources_max=8
+# himap measure claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER -p n_realisations=5 -p n_restarts=4 -p n_sources_max=8
 # ```
 #
 # with the templates that `himap templates FOLDER` writes. The first row counts its verdicts. The second row

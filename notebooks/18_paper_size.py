@@ -111,7 +111,14 @@ quote(
 # chapter states what each shows, and has both Galaxies at this size among its interactive curves. Those of
 # the real Galaxy have eight restarts of SDecGMCA, the scan over the number of sources one; those of the
 # synthetic Galaxy are of an older run, with one restart in the reading named above. Of restarts lines are medians, bands their 16 to 84 % and
-# thin lines single ones; ratios are linear near 1 and logarithmic beyond where a figure says so. All numbers
+# thin lines single ones; ratios are linear near 1 and logarithmic beyond where a figure of the real Galaxy says
+# so, and those of the synthetic one are linear and cut off. The restarts of the figures are other draws than
+# those of the ledger: SDecGMCA is within 5 % through the oscillating beam (O3) in
+# {glue:text}`00_the_answer.ipynb::answer_figures_held:s` of the figures'
+# {glue:text}`00_the_answer.ipynb::answer_figures_restarts:s` and in
+# {glue:text}`00_the_answer.ipynb::answer_large_held:s` of the ledger's
+# {glue:text}`00_the_answer.ipynb::answer_large_restarts:s`. In Fig. 5 the medoid flags lines of sight in much of
+# the sky outside the Galactic plane; restarts differ (M1). All numbers
 # are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]

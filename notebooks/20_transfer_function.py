@@ -84,6 +84,7 @@ from himap.app.stored import RESULTS
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show_table
 from himap.figures.tables import Table
+from himap.measures.bootstrap import squared_pull
 from himap.measures.diagnostics import Comparison
 from himap.paper.experiment_figures import transfer_figure
 from himap.paper.experiments.transfer import EXPERIMENT, chi_squared, coverage, skies, with_systematic
@@ -145,7 +146,8 @@ panels = [
 ]
 
 # %% [markdown]
-# $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground.
+# $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground;
+# that of PCA has a minimum at the period of the ripple too.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Cross power of residual and mock over the power of the mock, by multipole (left, in bins) and wavenumber (right)."}}
 study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
@@ -312,7 +314,8 @@ quote(
 # In the table, *scatter* is the standard deviation of the corrected ratio over skies, *error bar* the mean of
 # the expected ones, and *foreground* the mean of the foreground residual that was subtracted. *Within 1σ*
 # counts the skies on which the truth is within the error bar, with the binomial 95 % interval of that share;
-# *χ²* is the mean squared pull, which should be 1, and a little more with error bars from few mocks. Bands of
+# *χ²* is the mean squared pull, expected to be {glue:text}`transfer_expected_pull` with error bars from
+# {glue:text}`transfer_mocks` mocks. Bands of
 # one sky are not independent, so that intervals of several bands together are somewhat too narrow. All of
 # this is the coverage if HI and beam are those of the mocks; there is one real Galaxy. In the figures, bars
 # are standard errors of the means.
@@ -412,7 +415,8 @@ for record in [*records, *finer]:
         }
 quote(
     transfer_skies=min(len(one.seeds) for one in records),
-    transfer_mocks=dict(records[0].made.overrides)["n_mocks"],
+    transfer_mocks=(n_members := dict(records[0].made.overrides)["n_mocks"]),
+    transfer_expected_pull=(squared_pull(n_members), 0.01),
     transfer_larger_skies=min(len(one.seeds) for one in finer),
 )
 

@@ -195,8 +195,10 @@ figure_of(records, "frequency", corrected=True)
 # %% [markdown]
 # ## In numbers
 #
-# Deviation of the mean over skies from 1 in the worst band of $10 \leq \ell < 100$ and $k_\nu > 0.03$, for
-# the Galaxy where it is larger: negative for signal loss, positive for foreground residual.
+# Deviation of the mean over skies from 1 in the worst of five bands, $\ell$ from 10, 20 and 40 (to 99) and
+# $k_\nu$ from 0.03 to 0.1 and beyond, for the Galaxy where it is larger: negative for signal loss, positive
+# for foreground residual. At single $\ell$ and $k_\nu$, such as the peak at the ripple in the figures, it may
+# be larger.
 
 # %% tags=["hide-input"]
 deviations(records)
@@ -315,7 +317,7 @@ quote(
 # ## What should I use?
 #
 # From the table at `quick`; through the oscillating beam unless stated. The number of sources is that of
-# `himap suggest`. *Deviation* is that of the power from the truth in the worst band, as above; *corrected
+# `himap suggest`. *Deviation* is that of the power from the truth in the worst of the five bands; *corrected
 # by mocks* is after division by the transfer function of mocks that are added to the data. `himap clean
 # --mocks` and `himap transfer` put mocks in the place of HI and noise instead, and subtract the foreground
 # residual that they detect ({doc}`20_transfer_function`).
@@ -331,8 +333,9 @@ quote(
 # | a mask, or a part of the sky | the same; where the edge is long, PCA ({doc}`24_masks`) | – | – |
 # | uneven hits, flags or gaps | PCA or a fit ({doc}`26_a_survey`) | – | – |
 #
-# - **SDecGMCA and PCA**: as in the paper, SDecGMCA is far nearer to the truth than PCA with the same five
-#   components ({glue:text}`side_paper` and {glue:text}`side_few`). With one component more PCA is as near
+# - **SDecGMCA and PCA**: SDecGMCA is far nearer to the truth than PCA with the same five components
+#   ({glue:text}`side_paper` and {glue:text}`side_few`), also at $0.03 < k_\nu < 0.1$ MHz$^{-1}$, where it is no
+#   better in the paper (O5 in {doc}`15_claims`). With one component more PCA is as near
 #   ({glue:text}`side_unknown`). Through the evolving beam SDecGMCA is off by
 #   {glue:text}`side_paper_evolving`. All of these are of SDecGMCA in the reading `instrument-noise`; the
 #   default reading fails more often ({doc}`27_restarts`).

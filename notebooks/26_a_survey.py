@@ -406,9 +406,10 @@ quote(
 # %% [markdown]
 # ## What follows
 #
-# For {glue:text}`survey_pca` on this sky, as shares of the power of HI and noise:
+# For {glue:text}`survey_pca` on this sky, as shares of the power of HI and noise (means as in the tables:
+# single bins deviate more, as the figure shows):
 #
-# | | residual at small $k_\nu$ | error at large $k_\nu$ | corrected: deviation in the worst band |
+# | | residual at small $k_\nu$ | error at large $k_\nu$ | corrected: deviation of the worst mean |
 # |---|---|---|---|
 # | weights and flags | {glue:text}`survey_weighted_low` | {glue:text}`survey_weighted` | {glue:text}`survey_weighted_corrected` |
 # | flags alone | {glue:text}`survey_flagged_low` | {glue:text}`survey_flagged` | {glue:text}`survey_flagged_corrected` |
