@@ -240,7 +240,7 @@ claims_of(3)
 # ({doc}`25_side_by_side`): on the synthetic Galaxy of {doc}`10_results` with one more its mean $C/C_0$ at $10
 # < \ell < 128$ is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA
 # {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts, of
-# which some failed: {glue:text}`10_results.ipynb::results_oscillating_failed:s`).
+# which {glue:text}`10_results.ipynb::results_oscillating_failed:s` failed).
 # {glue:text}`answer_peak` of the members of SDecGMCA have the paper's peak at $k_\nu = 0.3$, and
 # {glue:text}`answer_excess` its excess at low $k_\nu$; at the paper's size
 # {glue:text}`answer_large_peak` and {glue:text}`answer_large_excess` of the restarts. Beyond

@@ -510,8 +510,8 @@ show(unconverged)
 #   {glue:text}`scan_best` sources. That of PCA, at {glue:text}`scan_best_beside`, is
 #   {glue:text}`scan_beside_over_best` times as large. With 5 sources
 #   the total MSE is {glue:text}`scan_error_five` for SDecGMCA and {glue:text}`scan_error_five_beside` for PCA.
-# - Few restarts are a small sample: of those in {doc}`10_results`, which has more of them with 5 sources on
-#   this sky, some fail ({glue:text}`10_results.ipynb::results_oscillating_failed:s`), and their total MSE is
+# - Few restarts are a small sample: in {doc}`10_results`, which has more of them with 5 sources on this sky,
+#   {glue:text}`10_results.ipynb::results_oscillating_failed:s` fail, and their total MSE is
 #   {glue:text}`13_dimmed_galaxy.ipynb::dimmed_error_sd:s`. Where the minimum is depends on which restarts fail.
 # - For PCA without foreground residual each source costs about a share $1/N_\nu$ of the power, more at low
 #   $k_\nu$ and low $\ell$.
