@@ -195,8 +195,8 @@ figure_of(records, "frequency", corrected=True)
 # %% [markdown]
 # ## In numbers
 #
-# Deviation of the mean over skies from 1 in the worst of five bands, $\ell$ from 10, 20 and 40 (to 99) and
-# $k_\nu$ from 0.03 to 0.1 and beyond, for the Galaxy where it is larger: negative for signal loss, positive
+# Deviation of the mean over skies from 1 in the worst of five bands, three of $10 \leq \ell < 100$ and two of
+# $k_\nu > 0.03$, for the Galaxy where it is larger: negative for signal loss, positive
 # for foreground residual. At single $\ell$ and $k_\nu$, such as the peak at the ripple in the figures, it may
 # be larger.
 
