@@ -92,14 +92,14 @@ def test_on_the_page(rng, tmp_path):
 
 
 def test_the_truth_is_missing_where_the_cube_is(rng, tmp_path, monkeypatch):
-    """The residual of the truth itself, flagged, has the power of the truth."""
+    """The residual of the truth itself, flagged and less its means, has the power of the truth."""
     maps = power_law_maps(rng)
     np.save(tmp_path / "flags.npy", rng.random(maps.shape) < 0.3)
     truth = rng.standard_normal(maps.shape).astype("f4")
     path = write_hdf5(tmp_path / "a.h5", maps, unit="mK", order="RING")
     cube = read_cube(path, flags=tmp_path / "flags.npy")
     given = read_cube(write_hdf5(tmp_path / "t.h5", truth, unit="mK", order="RING"))
-    perfect = SimpleNamespace(cube=cube, residual=np.where(cube.missing, 0, truth))
+    perfect = SimpleNamespace(cube=cube, residual=cube.without_gaps(truth))
     shown = []
     monkeypatch.setattr(report, "_cylindrical", lambda *powers: shown.append(powers[:2]))
     report.patches_part(perfect, given)
