@@ -113,7 +113,7 @@ quote(
 # synthetic Galaxy are of an older run, with one restart in the reading named above. Of restarts lines are medians, bands their 16 to 84 % and
 # thin lines single ones; ratios are linear near 1 and logarithmic beyond where a figure of the real Galaxy says
 # so, and those of the synthetic one are linear and cut off. The restarts of the figures are other draws than
-# those of the ledger: SDecGMCA recovers $C_\ell$ through the oscillating beam as the paper has it (O3) in
+# those of the ledger: SDecGMCA recovers the angular power through the oscillating beam as the paper has it (O3) in
 # {glue:text}`00_the_answer.ipynb::answer_figures_held:s` of the figures'
 # {glue:text}`00_the_answer.ipynb::answer_figures_restarts:s` and in
 # {glue:text}`00_the_answer.ipynb::answer_large_held:s` of the ledger's
