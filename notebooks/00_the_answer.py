@@ -260,8 +260,8 @@ Markdown(picture(large, "fig-ns-scan-mse", folder))
 
 # %% [markdown]
 # **The result is sensitive to the number of sources, and in {glue:text}`answer_optimum` of the members the
-# minimum is at 5, 6 or 7** (main part of N4; else at fewer). With too few the residual contains foreground; with too many PCA loses HI, and in SDecGMCA foreground residual returns
-# ({doc}`11_ns_scan`). The scan of the ledger ends at 8.
+# minimum is at 5, 6 or 7** (main part of N4). With too few the residual contains foreground; with too many
+# PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scan of the ledger ends at 8.
 # {doc}`22_how_many` chooses the number without the truth.
 #
 # ## 5. Masks

@@ -193,8 +193,8 @@ quote(
 # - **Oscillating beam.** Paper: both fits fail; all other methods have an excess at low $\ell$ and low
 #   $k_\nu$ and a peak, which is lowest for SDecGMCA, the most accurate at intermediate $\ell$. Here the
 #   mean $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
-#   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`), in
-#   {glue:text}`results_oscillating_failed` restarts that failed and the others, its
+#   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`; of its
+#   restarts {glue:text}`results_oscillating_failed` failed), its
 #   highest $P/P_0$ at the peak {glue:text}`results_oscillating_sd_peak` (PCA:
 #   {glue:text}`results_oscillating_pca_peak`). PCA with one component more has
 #   {glue:text}`results_oscillating_more_low`, {glue:text}`results_oscillating_more_fine` and

@@ -155,8 +155,8 @@ quote(
 # lines that SDecGMCA flags are within 15° of the plane, as in the paper, in
 # {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members (skies and restarts).
 #
-# On flagged lines of the medoid the error oscillates with frequency in the same way on all of them, and is
-# largest at the top of the band: it is foreground residual, as [below](post-parts).
+# Where the error depends on frequency in the same way on all flagged lines of the medoid it is foreground
+# residual; [below](post-parts) this is separated from lost HI.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). Of SDecGMCA those of the medoid; if not all are drawn, evenly spaced in rank of error. Left: recovered temperature; right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the other lines. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the drawn lines."}}
 shown = study.medoid(selected, removers[method])
@@ -293,8 +293,8 @@ quote(
 
 # %% [markdown]
 # For PCA the foreground residual exceeds the signal loss in nearly all channels, and has the ripple at the low
-# end of the band. So it does on the flagged lines of SDecGMCA, in restarts that fail and in others: these
-# differ in how many lines they flag.
+# end of the band. It exceeds the loss on the flagged lines of SDecGMCA too (table); restarts differ in how many
+# lines they flag.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-channels", "caption": "Rms of foreground residual, signal loss and truth over the flagged lines of sight, for PCA (left) and SDecGMCA (right; median and band of the restarts, each with its flagged lines)."}}
 looks = {

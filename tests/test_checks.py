@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from himap.core.checks import checked_cube, checked_noise, evenly_spaced
+from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.removal.pca import PCA
 
@@ -29,6 +30,8 @@ def test_temperatures_in_other_units(maps):
     plain, kelvin = (PCA().clean(one, freqs=SURVEY.freqs) for one in (maps, maps / 1e3 * u.K))
     assert kelvin.residual == pytest.approx(plain.residual, abs=1e-6 * np.abs(maps).max())
     assert checked_noise("noise", 1e-5 * u.K) == pytest.approx(0.01)
+    with pytest.raises(InputError, match="maps must have a unit that is one of mK"):
+        PCA().clean(maps * u.deg_C, freqs=SURVEY.freqs)
 
 
 def test_frequencies_in_other_units(maps):

@@ -336,7 +336,7 @@ class TestValues:
 
     def test_frequencies_in_metres(self):
         write_hdf5("a.h5")
-        with pytest.raises(InputError, match="freqs must be frequencies"):
+        with pytest.raises(InputError, match="freqs must have a unit that is one of MHz"):
             read_cube("a.h5", freqs=u.Quantity(FREQS, "m"))
 
     def test_axes_of_images_in_hdf5_are_theirs(self, rng):

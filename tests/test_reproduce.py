@@ -142,7 +142,7 @@ def test_names_of_copies_differ_and_fit_a_file_system():
     assert not set("/ ") & set(one)
 
 
-def test_a_file_that_a_parameter_names_counts_by_its_content(folder):
+def test_a_file_that_a_parameter_names_and_that_changed_is_read_again(folder):
     Path("good").write_text("1")
     once = {"parameters": {"mode": "good"}, "preset": "ci", "folder": folder, "again": False}
     assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]

@@ -25,6 +25,8 @@ _KINDS = {
 _OF_PRESET = ...
 """The default of a field of `Survey`."""
 
+_NO_LITERAL = (ValueError, SyntaxError, TypeError, RecursionError, MemoryError)  # {[1]: 2}, 9999 brackets
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -112,13 +114,7 @@ def parse_texts(declared, texts):
         for parse in (json.loads, ast.literal_eval):  # the second for None, True, ['single quotes']
             try:
                 value = parse(text)
-            except (
-                ValueError,
-                SyntaxError,
-                TypeError,
-                RecursionError,
-                MemoryError,
-            ):  # {[1]: 2}, 9999 brackets
+            except _NO_LITERAL:
                 continue
             kinds = known[name].kinds if name in known else set()
             if "str" not in kinds or _kind_of(value) in kinds:

@@ -237,8 +237,10 @@ def _files_in(parameters):
     """{name: digest} of the parameters that name a file or folder, by names, sizes and times of the files."""
     digests = {}
     for name, value in parameters.items():
-        if isinstance(value, str) and os.path.exists(value):
-            path = Path(value)
+        if not (isinstance(value, str) and os.path.exists(value)):
+            continue
+        path = Path(value)
+        with contextlib.suppress(OSError):  # the notebook says it
             files = sorted(path.iterdir()) if path.is_dir() else [path]
             states = [(one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in files]
             digests[name] = hashlib.sha256(repr(states).encode()).hexdigest()[:16]

@@ -14,8 +14,8 @@ _UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
 
 def real_array(label, values):
     """`values` as an array of real numbers, temperatures of astropy in mK; not masked, ragged or complex."""
-    if hasattr(values, "to_value") and getattr(values.unit, "physical_type", "") == "temperature":
-        values = values.to_value("mK")
+    if getattr(getattr(values, "unit", None), "physical_type", "") == "temperature":
+        values = _in_unit(label, values, "mK")
     if np.ma.is_masked(values):
         raise InputError(f"{label} has masked values; fill them first, as with values.filled(...).")
     try:
@@ -57,12 +57,15 @@ def _count_bad(pixels, kept):
 
 def in_mhz(freqs):
     """Frequencies as numbers of MHz, also of an astropy quantity."""
-    if not hasattr(freqs, "to_value"):
-        return freqs
+    return _in_unit("freqs", freqs, "MHz") if hasattr(freqs, "to_value") else freqs
+
+
+def _in_unit(label, values, unit):
+    """The numbers of an astropy quantity in a unit."""
     try:
-        return freqs.to_value("MHz")
+        return values.to_value(unit)
     except ValueError as error:  # UnitConversionError is one
-        raise InputError(f"freqs must be frequencies ({error}).") from None
+        raise InputError(f"{label} must have a unit that is one of {unit} ({error}).") from None
 
 
 def checked_freqs(freqs, n_channels):

@@ -205,10 +205,11 @@ class Cube:
 
         So that gaps have no power: with its means a map would have a step at each.
         """
-        if self.missing is None:
+        missing = self.missing
+        if missing is None:
             return maps
         means = means_of(maps, self.weights)[:, None].astype(maps.dtype)
-        return np.where(self.missing, np.zeros((), maps.dtype), maps - means)
+        return np.where(missing, np.zeros((), maps.dtype), maps - means)
 
 
 def are_scattered(seen):

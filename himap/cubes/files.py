@@ -108,11 +108,12 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
     """
     with reading(path):
         names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
-        # The shape of an array hardly says which axis is which: where axes are given, they come first.
-        by_axes = axes is not None and format_of(path) != "HDF5" and not _states_axes(path, cube)
-        first = {"axes": axes} if by_axes else {}
+        first, found = {}, None
+        if axes is not None and format_of(path) != "HDF5":
+            # The shape of an array hardly says which axis is which: where axes are given, they come first.
+            first, found = {"axes": axes}, _by_its_header(path, cube)
         try:
-            maps, layout = read_file(path, **first, held=_HELD_TRUTH)
+            maps, layout = found or read_file(path, **first, held=_HELD_TRUTH)
         except InputError:
             if maps_name is freqs_name is axes is None:
                 raise
@@ -124,21 +125,22 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
     return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
 
 
-def _states_axes(path, cube):
-    """Whether an image cube has the channels and the image of a `Cube`, as its header has the axes.
+def _by_its_header(path, cube):
+    """Maps and `Layout` of an image cube that has the channels and the image of a `Cube`; None of another.
 
-    Not where the header of the `Cube` says the same: axes that are given correct it, and this one too.
+    None too where the header of the `Cube` has an axis of frequencies: axes that are given correct it, and
+    those of this one.
     """
     if cube is None or cube.layout.freqs_from.startswith("the axis FREQ"):
-        return False
+        return None
     try:
-        _, layout = read_file(path, held=_HELD_TRUTH)
+        maps, layout = read_file(path, held=_HELD_TRUTH)
     except InputError:
-        return False
-    if layout.freqs is None or layout.pixels.whole_sky:
-        return False
+        return None
+    if layout.freqs is None or not layout.pixels.same(cube.layout.pixels):
+        return None
     near = same_freqs(layout.freqs[:, None], cube.freqs).any(axis=0)
-    return bool(near.all()) and layout.pixels.same(cube.layout.pixels)
+    return (maps, layout) if near.all() else None
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):

@@ -139,9 +139,8 @@ class Ensemble:
             f"{method.name} is chaotic: this is restart {method.restart}, the medoid of {n}, of which "
             f"{len(failing)} look failed{': ' if failing else ''}{', '.join(reasons)}."
         )
-        alone = [_NO_MAJORITY] if 2 * len(failing) > n else []
-        doubtful = 2 * len(failing) >= n or method.restart in failing
-        return [first, *alone, _WAY_OUT] if doubtful else [first]
+        said = [first] + [_NO_MAJORITY] * (2 * len(failing) > n)
+        return [*said, _WAY_OUT] if 2 * len(failing) >= n or method.restart in failing else said
 
 
 def remarks_on_one(cleaning):
