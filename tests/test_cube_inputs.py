@@ -100,6 +100,11 @@ class TestBeams:
         assert "FWHM of 8.06 to 9.04 deg" in done.output
         assert "sdecgmca finds nothing beyond l = 8: the residual ends there" in done.output
 
+    def test_a_beam_that_smooths_nothing_has_no_width(self):
+        np.save("flat.npy", np.ones((24, 12)))
+        done = run("clean", "good.h5", "--method", "beam_subspace", "--beam", "flat.npy", "-o", "c.h5")
+        assert "FWHM of 0 to 0 deg" in done.output
+
 
 class TestOutputs:
     def test_python_does_not_write_over_files_unasked(self):

@@ -286,3 +286,14 @@ def test_a_part_of_the_sky_whose_first_channel_sees_nothing(tmp_path):
     save_cleaned(clean_cube(cube, "pca", n_sources=2, peaks=False), tmp_path / "c.fits")
     assert len(fits.getdata(tmp_path / "c.fits")) == N_PIX - 90
     assert np.allclose(read_cube(tmp_path / "c.fits").freqs, FREQS[1:])
+
+
+def test_rows_of_the_mixing_matrix_have_their_frequencies(tmp_path):
+    """Of a file from the highest channel down whose third is dead, and so has no row."""
+    maps = sky(N_PIX)
+    maps[2] = 0
+    cube = read_cube(write_hdf5(tmp_path / "a.h5", maps, freqs=DOWN, unit="mK", order="RING"))
+    save_cleaned(clean_cube(cube, "pca", n_sources=1, peaks=False), tmp_path / "b.h5")
+    with h5py.File(tmp_path / "b.h5") as file:
+        assert len(file["freqs"]) == N_CHANNELS and file["mixing"].shape == (N_CHANNELS - 1, 1)
+        assert file["mixing"].attrs["freqs"] == pytest.approx(np.delete(DOWN, 2)[::-1])
