@@ -89,7 +89,7 @@ def edit(path, old, new):
     path.write_text(text.replace(old, new))
 
 
-def execute_without_kernel(notebook, parameters, folder):
+def execute_without_kernel(notebook, parameters, folder, *, copied=False):
     """In the place of an execution: the outputs are the numbers of the cells."""
     node = nbformat.from_dict(notebook.node)
     for number, cell in enumerate(reproduce.code_cells(node)):
@@ -154,6 +154,48 @@ def test_a_file_that_a_parameter_names_and_that_changed_is_read_again(folder):
     assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]
 
 
+WORDS = """
+# %% mystnb={"figure": {"name": "fig-toy", "caption": "Of {glue:text}`toy_scale` ([end](toy-end))."}}
+from himap.figures.numbers import quote
+
+quote(toy_scale=(scale, 0.1, "mK"))
+
+# %% [markdown]
+# (toy-end)=
+# Here {glue:text}`toy_scale`, there {glue:text}`00_book.ipynb::toy_scale:s`.
+# {cite:p}`bigot-sazy2015,wolz2014`.
+# {doc}`Other <00_book>`, {doc}`00_book`, {claim}`B1`, {eq}`eq-toy`, {cost}`01_toy`.
+#
+# ```{math}
+# :label: eq-toy
+# x = \\hat{y}
+# ```
+"""
+
+
+def test_a_copy_reads_well_where_roles_and_captions_are_not_known(folder):
+    toy = folder / "01_toy.py"
+    toy.write_text(TOY + WORDS)
+    reproduce.refresh(folder=folder)
+    kept = toy.with_suffix(".ipynb")
+    assert "{glue:text}`toy_scale`" in kept.read_text() and reproduce.stale(folder) == {}
+    shutil.copy(kept, folder / "00_book.ipynb")
+    passed = {"parameters": {"scale": 4}, "folder": folder}
+    path, _ = reproduce.run("01", **passed)
+    cells = nbformat.read(path, as_version=4).cells
+    first, *_, drawn, caption, words = cells
+    assert first.source.startswith("> A copy of `01_toy`, executed with `scale=4.0`.")
+    assert "quote(" in drawn.source and caption.source == "*Of 4.0\N{NO-BREAK SPACE}mK (end).*"
+    seconds = words.source.partition("B1, `eq-toy`, ")[2].partition(" s for this copy.")[0]
+    assert words.source == (
+        "Here 4.0\N{NO-BREAK SPACE}mK, there 1.0\N{NO-BREAK SPACE}mK.\n[Bigot-Sazy 2015, Wolz 2014].\n"
+        f"Other (`00_book`), `00_book`, B1, `eq-toy`, {seconds} s for this copy.\n\n"
+        "$$\nx = \\hat{y}\\tag{eq-toy}\n$$"
+    )
+    assert 0 < float(seconds) < 600
+    assert reproduce.run("01", **passed) == (path, True)  # it counts as himap's own, which nobody edited
+
+
 def test_a_run_with_other_parameters(folder, monkeypatch):
     passed = {"preset": "ci", "parameters": {"scale": 2, "nside": 16}, "folder": folder}
     path, done = reproduce.run("01", **passed)
@@ -212,7 +254,7 @@ def test_the_kernel_is_of_this_python_and_says_what_it_ran_with(folder, tmp_path
     assert execution["himap"] == sys.executable and execution["python"] == ".".join(
         map(str, sys.version_info[:3])
     )
-    assert outputs(path) == "True\n" and len(node.cells) == 1
+    assert outputs(path) == "True\n" and len(node.cells) == 2  # it begins with its parameters
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,9 @@ _REMARK = r"the paper's Fig\. ([\w.]*\w)"
 _HEAVY = 1e5  # bytes of a picture
 _LARGEST_DATA = 3_000_000  # characters of the numbers of one figure; beyond it is a cloud of points
 _LONGEST_NAME = 120  # a file name may have 255 bytes
+_ROLE = re.compile(r"\{([\w:]+)\}`([^`]*)`")
+_FORMULA = re.compile(r"^```\{math\}\n((?::[^\n]*\n)*)(.*?)\n```$", re.MULTILINE | re.DOTALL)
+_LABEL = re.compile(r"^\([\w-]+\)=\n|\[([^]]+)\]\([\w-]+\)", re.MULTILINE)  # a place, and a link to one
 
 
 def stamped(node, source, *, fingerprint, parameters, execution=None):
@@ -115,6 +118,69 @@ def number_cells(node):
         key = hashlib.sha256(f"{cell.cell_type}\n{cell.source}".encode()).hexdigest()[:8]
         seen[key] = seen.get(key, 0) + 1
         cell["id"] = f"{key}-{seen[key]}"
+
+
+def for_jupyter(node, notebook, parameters, seconds):
+    """Write out, in an executed copy of a notebook, what only the book would show.
+
+    That is: quoted numbers, references, formulas and captions, which are roles, directives and metadata. The
+    copy begins with the parameters that it was executed with.
+
+    Parameters
+    ----------
+    node
+        The executed copy; it is changed.
+    notebook
+        The `Notebook` that it is a copy of.
+    parameters
+        {name: value} that were passed.
+    seconds
+        What it took.
+    """
+    import nbformat
+
+    numbers = {"": _quoted(node.cells)}
+
+    def plain(role):
+        kind, text = role[1], role[2]
+        if kind == "cost":
+            return f"{seconds:.0f} s for this copy"
+        if kind == "glue:text":
+            path, _, name = text.rpartition("::")
+            if path not in numbers:  # of another chapter, so of the book
+                numbers[path] = _quoted(read_notebook(notebook.path.parent / path).cells)
+            return numbers[path][name.partition(":")[0]]
+        if kind.startswith("cite"):
+            keys = (re.fullmatch(r"(\D+)(.*)", key) for key in text.split(","))
+            return f"[{', '.join(f'{key[1].title()} {key[2]}' for key in keys)}]"
+        title, _, target = text.rstrip(">").rpartition("<")
+        return f"{title}(`{target}`)" if title else text if kind in ("claim", "term") else f"`{text}`"
+
+    passed = ", ".join(f"`{name}={value}`" for name, value in parameters.items()) or "the book's parameters"
+    head = f"> A copy of `{notebook.name}`, executed with {passed}. Its numbers are those of this run; the "
+    cells = [nbformat.v4.new_markdown_cell(f"{head}sentences around them were written for that in the book.")]
+    for cell in node.cells:
+        if cell.cell_type == "markdown":
+            cell.source = _ROLE.sub(plain, _LABEL.sub(r"\1", _FORMULA.sub(_formula, cell.source)))
+        cells.append(cell)
+        if caption := figure_options(cell).get("caption"):
+            shown = _ROLE.sub(plain, _LABEL.sub(r"\1", caption))
+            cells.append(nbformat.v4.new_markdown_cell(f"*{shown}*"))
+    node.cells = cells
+
+
+def _formula(directive):
+    """A formula between dollars, its label as its number."""
+    label = re.search(r":label: (\S+)", directive[1])
+    tag = rf"\tag{{{label[1]}}}" if label else ""
+    return f"$$\n{directive[2]}{tag}\n$$"
+
+
+def _quoted(cells):
+    """{name: text} of the numbers that `himap.figures.numbers.quote` kept in executed cells."""
+    outputs = (output for cell in cells for output in cell.get("outputs", []))
+    named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
+    return {name: literal_eval(output["data"][QUOTED[0]]) for name, output in named.items() if name}
 
 
 def text_digest(node):
@@ -232,10 +298,7 @@ def figures(path):
     from himap.figures.data import DATA_TYPES  # slow, and who runs a notebook needs none of it
 
     cells = read_notebook(path).cells
-    outputs = [output for cell in cells for output in cell.get("outputs", [])]
-    named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
-    quoted = {name: literal_eval(output["data"][QUOTED[0]]) for name, output in named.items() if name}
-    drawn = []
+    quoted, drawn = _quoted(cells), []
     for cell in cells:
         about = figure_options(cell)
         bundles = [output.get("data", {}) for output in cell.get("outputs", [])]

@@ -24,6 +24,7 @@ from himap.app.notebook_files import (
     check_output,
     code_cells,
     copy_name,
+    for_jupyter,
     read_notebook,
     stamped,
     text_digest,
@@ -104,7 +105,7 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None, again=T
     if not again and same and not moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True):
         return path, False
     check_output(path, overwrite=overwrite or (output is None and unedited))
-    write_notebook(_execute(notebook, values, Path.cwd()), path)
+    write_notebook(_execute(notebook, values, Path.cwd(), copied=True), path)
     return path, True
 
 
@@ -189,8 +190,8 @@ def _state(notebook, tree):
     return "" if text == source == stamp.get("text") else _TEXT_CHANGED
 
 
-def _execute(notebook, parameters, folder):
-    """The executed notebook, cleaned and stamped. Nothing is written on the way."""
+def _execute(notebook, parameters, folder, *, copied=False):
+    """The executed notebook, cleaned and stamped, if `copied` for Jupyter. Nothing is written on the way."""
     import nbformat  # slow, as below, and most commands do without
     import papermill
 
@@ -230,6 +231,8 @@ def _execute(notebook, parameters, folder):
     said = json.loads("".join(output.text for output in done.cells.pop().outputs))
     execution = said | {"seconds": round(time.monotonic() - started, 1)}
     execution |= {"files": files} if files else {}
+    if copied:
+        for_jupyter(done, notebook, parameters, execution["seconds"])
     return stamped(done, notebook.node, fingerprint=fingerprint, parameters=parameters, execution=execution)
 
 
