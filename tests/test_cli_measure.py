@@ -43,7 +43,8 @@ def stored(path):
 
 
 class TestWrite:
-    def test_table_and_file(self, himap_command, seen):
+    def test_table_and_file(self, himap_command, seen, monkeypatch):
+        monkeypatch.setenv("COLUMNS", "1000")
         code, out, err = himap_command(*CLAIMS, "-p", "n_realisations=2", "-p", "seed=7")
         assert (code, err) == (0, "")
         assert [sky.survey.seed for sky in seen[0]] == [7, 8]
@@ -57,6 +58,17 @@ class TestWrite:
         assert record.made.preset == "ci" and dict(record.about["overrides"])["n_realisations"] == 2
         code, out, _ = himap_command(*CLAIMS[:-1], "laptop", "-p", "n_realisations=2", "-p", "nside=128")
         assert code == 0 and "Too coarse" not in out
+
+    def test_rows_fit_the_terminal(self, himap_command, seen, monkeypatch):
+        lines = {}
+        for width in (100, 150, 1000):
+            monkeypatch.setenv("COLUMNS", str(width))
+            out = himap_command(*CLAIMS, "-o", f"{width}.json")[1]
+            lines[width] = out.partition("In brackets: the 1σ interval")[0].splitlines()
+            assert "In brackets: the 1σ interval of a share" in out
+        assert max(map(len, lines[100])) <= 100 < max(map(len, lines[150])) <= 150
+        words = {width: sorted(" ".join(several).split()) for width, several in lines.items()}
+        assert words[100] == words[150] == words[1000] and len(lines[1000]) == 4
 
     def test_five_skies_by_default(self, himap_command, seen):
         assert himap_command(*CLAIMS, "-o", "a.json")[0] == 0

@@ -1,5 +1,7 @@
 """`himap measure`: what is measured on many skies, written as records, checked and grown."""
 
+import shutil
+import textwrap
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -19,6 +21,8 @@ from himap.store.provenance import Provenance
 from himap.store.sources import LOADED
 
 _MOST_SOURCES = 10_000
+_USUAL_WIDTH = 120  # columns of an output that is no terminal
+_NARROWEST = 16  # columns of a text
 _SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
 _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself
 
@@ -101,8 +105,25 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     summary = experiment.summary(record.rows)
     # Columns of numbers are at the right.
     align = "".join("r" if summary[name].str.match(r"[-+–.\d]|$").all() else "l" for name in summary)
-    click.echo(Table(summary.columns, summary.to_numpy(), align=align, note=experiment.remark(skies[0])))
+    rows = _wrapped(summary, align)
+    click.echo(Table(summary.columns, rows, align=align, note=experiment.remark(skies[0])))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
+
+
+def _wrapped(summary, align):
+    """The rows of a summary, long texts in several lines so that a row fits the terminal."""
+    width = shutil.get_terminal_size((_USUAL_WIDTH, 0)).columns - 2 * (len(align) - 1)
+    longest = [max(map(len, (name, *summary[name]))) for name in summary]
+
+    def capped(cap):
+        return [min(one, cap) if side == "l" else one for one, side in zip(longest, align, strict=True)]
+
+    caps = range(max(longest), _NARROWEST, -1)
+    widths = capped(next((cap for cap in caps if sum(capped(cap)) <= width), _NARROWEST))
+    return [
+        [textwrap.fill(cell, cap) for cell, cap in zip(row, widths, strict=True)]
+        for row in summary.itertuples(index=False)
+    ]
 
 
 def _single_draws(rows):

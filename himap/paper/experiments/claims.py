@@ -156,14 +156,15 @@ def _summary(rows):
     return table
 
 
-def _too_coarse(sky):
-    """What the maps of a sky are too coarse to judge; nothing where they reach l = 200 of the paper."""
+def _remark(sky):
+    """What brackets are, and what the maps of a sky are too coarse to judge, if they end below l = 200."""
+    brackets = "In brackets: the 1σ interval of a share, the 16 to 84 % of the members of a number."
     survey = sky.survey
     if (top := 2 * survey.nside) >= _PAPER_TOP:
-        return ""
+        return brackets
     cell = survey.box_size / survey.box_cells
     return (
-        f"Too coarse to judge: {', '.join(_UP_TO_TOP)}, as these maps end at l = {top} and not at "
+        f"{brackets} Too coarse to judge: {', '.join(_UP_TO_TOP)}, as these maps end at l = {top} and not at "
         f"{_PAPER_TOP}; B1 to B3, which are about peaks, as cells of HI are {cell:.0f} Mpc/h wide and not "
         "1.5. The verdicts of the book are at --preset laptop."
     )
@@ -177,7 +178,7 @@ EXPERIMENT = Experiment(
     skies=skies,
     measure=measure,
     summary=_summary,
-    remark=_too_coarse,
+    remark=_remark,
     prepare=prepare,
     other_restarts=other_restarts,
     defaults={"n_realisations": 5, "n_restarts": 2, "n_sources_max": 20},
