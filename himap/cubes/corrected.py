@@ -43,7 +43,7 @@ def remarks_on(corrected):
     if most:
         remarks.append(
             f"Most of the residual is foreground in {', '.join(most)}: remove more of it (`himap suggest` "
-            "says how many sources)."
+            "says how many sources). If more sources do not help, the beam of the cube may be another."
         )
     if ratios:
         remarks.append(
