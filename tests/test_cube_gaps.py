@@ -8,7 +8,7 @@ from cube_files import FREQS, N_PIX, power_law_maps, power_laws, run, write_hdf5
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion, write_report
-from himap.cubes.spectra import spectra_of
+from himap.cubes.spectra import check_truth, spectra_of
 from himap.measures import n_sources
 from himap.paper.patch import PatchPower
 from himap.removal.covariance import channel_covariance
@@ -209,3 +209,14 @@ def test_channels_that_a_mask_leaves_nothing_of(cube):
     part = replace(cube, weights=weights).within(half)
     assert len(part.freqs) == len(cube.freqs) - 1 and cube.freqs[3] not in part.freqs
     assert "1 channels have no data there" in part.remarks[-1]
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_a_truth_that_sees_less_is_refused_with_the_way_out(gaps, flags, rng, tmp_path):
+    maps = power_laws(rng, FREQS, N_PIX)
+    flags[7] = flags[8]  # no dead channel
+    cube = read_cube(write_hdf5(tmp_path / "cube.h5", maps), flags=flags if gaps else None)
+    truth = read_cube(write_hdf5(tmp_path / "truth.h5", np.where(np.arange(N_PIX) < 9, np.nan, maps / 2)))
+    way_out = ", with any number in missing voxels, where it counts nothing" if gaps else ""
+    with pytest.raises(InputError, match=f"^the truth must see all pixels of the cube{way_out}\\.$"):
+        check_truth(cube, truth)

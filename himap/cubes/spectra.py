@@ -165,7 +165,10 @@ def check_truth(cube, truth, label="the truth"):
         )
     cube.layout.joined(label, others.frame, truth.layout.spectral_frame)  # refuses others
     if (cube.mask & ~truth.mask).any():
-        raise InputError(f"{label} must see all pixels of the cube.")
+        way_out = (
+            "" if cube.missing is None else ", with any number in missing voxels, where it counts nothing"
+        )
+        raise InputError(f"{label} must see all pixels of the cube{way_out}.")
     seen = cube.mask[truth.mask]
     if all(
         np.allclose(true[seen], pixels, rtol=_ALIKE, atol=0)
