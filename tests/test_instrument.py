@@ -81,6 +81,22 @@ def test_observation(cubes, beam):
     assert seen.beams.shape == (SURVEY.n_channels, SURVEY.lmax + 1)
 
 
+def test_a_sky_that_float32_would_round_hi_from(cubes, rng):
+    """As at 240 MHz: the true foreground taken out of the maps leaves the truth."""
+    _, maps, _ = cubes
+    bright = HarmonicModes(
+        spectra=np.linspace(40, 4, 4)[:, None], alms=sphere.analyse(maps[:1].astype(float))
+    )
+    windows = Evolving().of_survey(SURVEY)
+    nothing = np.zeros((4, sphere.alm_size(SURVEY.lmax)))
+    noise = 1e-3 * rng.standard_normal((4, SURVEY.n_pix)).astype(np.float32)
+    seen = observe(nothing, bright, noise, windows, SURVEY)
+    assert seen.maps.dtype == np.float64 and seen.truth.dtype == np.float32
+    alms = map(sphere.multiply_beam, bright.spectra * bright.alms, windows.total)
+    foregrounds = np.array([sphere.synthesise(one, SURVEY.nside) for one in alms])
+    assert seen.maps - foregrounds == pytest.approx(noise, abs=1e-6)
+
+
 @pytest.mark.parametrize("reading", ["smoothed", "white"])
 def test_noise_of_the_degraded_case(reading, rng):
     """C_l of the noise: flat where it is white, else with the square of the later smoothing."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.maps import sphere
+from himap.maps.low_rank import precision
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +67,12 @@ def observe(hi, foregrounds, noise, windows, survey):
     if resmoothing is None:
         truth += noise
     bright = map(sphere.multiply_beam, (row @ foregrounds.alms for row in foregrounds.spectra), beams)
-    maps = sphere.synthesise_cube(bright, survey.nside, n_channels=n_channels, label="beam on foregrounds")
+    # The mean square of a map, without its mean, in the lowest channel, where synchrotron is brightest.
+    power = sphere.power_spectrum(sphere.multiply_beam(foregrounds.spectra[0] @ foregrounds.alms, beams[0]))
+    rms = np.sqrt(np.sum((2 * np.arange(len(power)) + 1)[1:] * power[1:]) / (4 * np.pi))
+    maps = sphere.synthesise_cube(
+        bright, survey.nside, n_channels=n_channels, label="beam on foregrounds", floats=precision(rms)
+    )
     maps += truth
     return Observation(
         maps=maps, truth=truth, freqs=survey.freqs, channel_width=survey.channel_width, beams=beams

@@ -256,9 +256,9 @@ def multiply_beam(alm, beam):
     return alm * np.asarray(beam, dtype=alm.real.dtype)[alm_degree(lmax)]
 
 
-def synthesise_cube(alms, nside, *, n_channels, label):
-    """Cube of the coefficients of one channel after the other, (n_channels, n_pix) float32, with a bar."""
-    out = np.empty((n_channels, 12 * nside**2), dtype=np.float32)
+def synthesise_cube(alms, nside, *, n_channels, label, floats=np.float32):
+    """Cube of the coefficients of one channel after the other, (n_channels, n_pix) `floats`, with a bar."""
+    out = np.empty((n_channels, 12 * nside**2), dtype=floats)
     for row, alm in zip(progress(out, label), alms, strict=True):
         row[:] = synthesise(alm, nside)
     return out

@@ -1,7 +1,8 @@
 """Templates at a finer resolution: harmonic upgrade and statistical small scales (paper, Sects. 2.1.2-2.1.3).
 
 Everything happens on the logarithm of the temperature, so the result is positive by construction. A
-map keeps its pixels: averaged back to its resolution it is unchanged.
+map nearly keeps its pixels: averaged back to its resolution it is unchanged but for those that are faint,
+which are raised (`refine`).
 """
 
 from dataclasses import replace
