@@ -89,7 +89,7 @@ def stamped(figure, **parameters):
 # `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$.
 #
 # The oscillating beam is wider than the evolving one at all frequencies, and than the degraded one below
-# {glue:text}`beams_crossing`; its ripple, too small for the left panel, has the period of 20 MHz in all
+# {glue:text}`beams_crossing`; its ripple, faint in the left panel, has the period of 20 MHz in all
 # readings.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple as a fraction of the width, in three readings of the paper's formula (the first two nearly coincide). Spacing 0.5 MHz; dots mark the channels of this run."}}

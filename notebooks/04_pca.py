@@ -96,7 +96,9 @@ remover = removers[selected][0]
 # ```
 #
 # This projection removes everything along the $n_s$ spectra, **HI included**. Too small an $n_s$ leaves
-# foreground, too large an $n_s$ removes signal.
+# foreground, too large an $n_s$ removes signal. $\mathbf{A}$ and $\mathbf{S}$ are those of maps whose peaks
+# are masked, and $\mathbf{A}\,\mathbf{S}$ is subtracted from the maps with their peaks
+# ({doc}`03_peak_masking`), which are therefore not removed.
 
 # %% [markdown]
 # ## The number of components

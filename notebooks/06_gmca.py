@@ -163,8 +163,8 @@ quote(
 # \mathbf{R} = \mathbf{X} - \mathbf{A}\,\mathbf{A}^{+}\,\mathbf{X} ,
 # ```
 #
-# a projection again, which depends only on the space of $\mathbf{A}$; that of PCA leaves the smallest
-# variance. The [conventions](../book/conventions.md) list what the paper leaves open about GMCA.
+# a projection again (but for masked peaks, as in {doc}`04_pca`), which depends only on the space of
+# $\mathbf{A}$; that of PCA leaves the smallest variance. The [conventions](../book/conventions.md) list what the paper leaves open about GMCA.
 #
 # The columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign cancel, so thresholds in mK
 # need not fall. $\mathbf{A}$ still drifts at the end, but its space hardly changes after the first

@@ -93,8 +93,9 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 # At $\beta = -2.13$ the terms are degenerate. The search is bounded to $-4 \leq \beta \leq -2.2$, and a line
 # of sight whose best $\beta$ is a bound is **flagged**.
 #
-# Each curve has one minimum. With the degraded beam it reaches the dotted line: the model fits. With the
-# other two it does not in the plane; at high latitude it is close to it at a biased $\beta$.
+# Each curve has one minimum. With the degraded beam it comes close to the dotted line in the plane and reaches
+# it at high latitude: the model fits. With the other two it is far above in the plane; at high latitude it is
+# close to it at a biased $\beta$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "Rms residual along two lines of sight against the index of the second power law, for the three beams. Dotted: the standard deviation of HI plus noise."}}
 x = freqs / remover.nu0

@@ -78,7 +78,7 @@ from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 record = Record.load(find_experiment("readings"), results or RESULTS / "readings.json")
 outcomes, made = outcomes_of(record.rows), record.made
-known = readings() | candidates()
+known = candidates() | readings()
 errors = {label: one.numbers["mean error"] for label, one in outcomes.items()}
 Markdown(f"*{made.footer()}*")
 

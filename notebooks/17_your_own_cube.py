@@ -121,9 +121,10 @@ except InputError as error:
 #
 # Three criteria need no truth: the number of eigenvalues above the smooth decline of HI and noise, the
 # minimum of an information criterion, and the number after which one more source changes the spectra
-# little. `himap suggest` recommends the number on which the first two agree; if they do not, the range
-# between them (for a beam-aware method the second), or none if the third has none. {doc}`22_how_many`
-# measures how often each is right.
+# little. `himap suggest` recommends the number on which the first two agree. If they do not, it recommends, for
+# a beam-aware method, that of the second if the spectra are stable after it, and otherwise the range between
+# the two; none if no number is stable or the second still falls at the last one. {doc}`22_how_many` measures
+# how often each is right.
 
 # %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, linear below 2 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))

@@ -241,7 +241,7 @@ Markdown("\n".join(Table(head, rows).markdown()))
 
 # %% [markdown]
 # The exponent with channels is measured; that with `nside` follows from the two tables of steps, divided by
-# the factor for twice the channels. These extrapolations, by {glue:text}`scale_further` in `nside` and
+# the factor for twice the channels, and at least 0 (SDecGMCA ends at the same $\ell$ at both sizes). These extrapolations, by {glue:text}`scale_further` in `nside` and
 # {glue:text}`scale_more` in channels, from small maps, the oscillating beam and a shared machine, are
 # uncertain by a factor of two or more. The cubes of one realisation take {glue:text}`scale_disk` times the
 # disk space of the paper's size.

@@ -223,7 +223,8 @@ quote(
 # - **BIC** is right in {glue:text}`many_bic` cases ({glue:text}`many_bic_quiet` with the noise of the
 #   instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** in
 #   {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest` gives that number; otherwise, for a
-#   beam-aware method, that of BIC if the spectra are stable after it, and else a range.
+#   beam-aware method, that of BIC if the spectra are stable after it, and else a range, or none if no number
+#   is stable or BIC still falls at the last one.
 # - **Stability** is right in {glue:text}`many_stability` cases. But every source removes HI, so that the
 #   spectra never stop changing, and which change is tolerable depends on the survey.
 # - **Mocks** are right in {glue:text}`many_mocks`, and otherwise recommend more sources: the correction

@@ -28,7 +28,7 @@
 # should solve, on the kept pixels $p$,
 #
 # ```{math}
-# \min_{S} \sum_\nu \sum_{p\ \mathrm{kept}} \Big( x_\nu(p) - \sum_{\ell m} Y_{\ell m}(p)\, H_{\nu\ell}\, (A s)_{\ell m} \Big)^2
+# \min_{s} \sum_\nu \sum_{p\ \mathrm{kept}} \Big( x_\nu(p) - \sum_{\ell m} Y_{\ell m}(p)\, H_{\nu\ell}\, (A s)_{\nu \ell m} \Big)^2
 # ```
 #
 # with sources that are free elsewhere. Any continuation of the maps by $H A s$ leaves this unchanged. The few

@@ -135,7 +135,7 @@ quote(
 panels = {}
 for name in ours:
     panels |= {f"himap, {NAMES[name]}": ours[name], f"authors' code, {NAMES[name]}": theirs[name]}
-plotting.stamp(growth_figure(panels), stored[0].made)
+plotting.stamp(growth_figure(panels), "\n".join(one.made.footer() for one in stored))
 
 # %% [markdown]
 # (restarts-converged)=

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from ledgers import finding
 
+from himap.app.cli import measure
+from himap.app.stored import RESULTS
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.claims.entries import finding_rows
 from himap.paper.experiments import EXPERIMENTS, authors, find_experiment
@@ -40,6 +42,22 @@ def seen(monkeypatch):
 
 def stored(path):
     return Record.load(find_experiment("claims"), path)
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_ends_with_a_table(name, monkeypatch):
+    """That of what the book has stored of it: names of columns differ, and rows fit the terminal."""
+    monkeypatch.setenv("COLUMNS", "180")
+    paths = [
+        path for path in RESULTS.glob("*.json") if json.loads(path.read_text()).get("experiment") == name
+    ]
+    assert paths
+    for path in paths:
+        experiment = find_experiment(name)
+        summary = experiment.summary(Record.load(experiment, path).rows)
+        assert summary.columns.is_unique
+        lines = str(measure._table(summary, "a note")).splitlines()
+        assert lines[-1] == "a note" and len(lines) > 2 and max(map(len, lines)) <= 180
 
 
 class TestWrite:

@@ -41,7 +41,8 @@ class ForegroundRemover(ABC):
     uses
         What the method needs or accepts beyond maps and frequencies:
 
-        - "beams", "noise": those of the instrument, which must be given where it needs them;
+        - "beams": those of the instrument, which must be given;
+        - "noise": that of the instrument, which may be None, so that a method that needs it checks for it;
         - "sphere": multipoles, so the pixels are a full HEALPix sphere, or a part that is continued to it;
         - "neighbours": pixels around each pixel, of a HEALPix sphere as before, or of an image in the plane;
         - "weights": of pixels and voxels, where they differ; other methods refuse them.

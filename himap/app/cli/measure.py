@@ -23,6 +23,7 @@ from himap.store.sources import LOADED
 _MOST_SOURCES = 10_000
 _USUAL_WIDTH = 120  # columns of an output that is no terminal
 _NARROWEST = 16  # columns of a text
+_OF_HEAD = 8  # least columns of a number, which its head is broken into
 _SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
 _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself
 
@@ -102,28 +103,26 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
             since = time.monotonic()
             record = record.grow(experiment.table([sky]), about(since))
             record.save(path)  # at once: no sky is lost
-    summary = experiment.summary(record.rows)
-    # Columns of numbers are at the right.
-    align = "".join("r" if summary[name].str.match(r"[-+–.\d]|$").all() else "l" for name in summary)
-    rows = _wrapped(summary, align)
-    click.echo(Table(summary.columns, rows, align=align, note=experiment.remark(skies[0])))
+    click.echo(_table(experiment.summary(record.rows), experiment.remark(skies[0])))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
 
 
-def _wrapped(summary, align):
-    """The rows of a summary, long texts in several lines so that a row fits the terminal."""
+def _table(summary, note):
+    """The `Table` of a summary, numbers at the right and long texts in several lines, to fit the terminal."""
+    align = "".join("r" if summary[name].str.match(r"[-+–.\d]|$").all() else "l" for name in summary)
     width = shutil.get_terminal_size((_USUAL_WIDTH, 0)).columns - 2 * (len(align) - 1)
-    longest = [max(map(len, (name, *summary[name]))) for name in summary]
+    longest = [max(map(len, (name[:_OF_HEAD], *summary[name]))) for name in summary]
 
     def capped(cap):
         return [min(one, cap) if side == "l" else one for one, side in zip(longest, align, strict=True)]
 
     caps = range(max(longest), _NARROWEST, -1)
     widths = capped(next((cap for cap in caps if sum(capped(cap)) <= width), _NARROWEST))
-    return [
+    header, *rows = (
         [textwrap.fill(cell, cap) for cell, cap in zip(row, widths, strict=True)]
-        for row in summary.itertuples(index=False)
-    ]
+        for row in (summary.columns, *summary.itertuples(index=False))
+    )
+    return Table(header, rows, align=align, note=note)
 
 
 def _single_draws(rows):

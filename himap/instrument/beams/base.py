@@ -13,7 +13,7 @@ import numpy as np
 from astropy import constants as const
 from astropy import units as u
 
-from himap.core.checks import checked_fields, checked_freqs
+from himap.core.checks import checked_fields, checked_freqs, whole_number
 from himap.core.errors import InputError
 from himap.maps import sphere
 
@@ -23,6 +23,7 @@ DISH = 13.5
 """Diameter of a dish of MeerKAT, m, as in the paper."""
 
 _LARGEST_DISH = 1000.0  # m: beyond, it is in cm or mm
+_LARGEST_LMAX = 100_000
 _FELT = 0.1  # of b_l: where it is read for its width
 
 
@@ -98,8 +99,9 @@ class Beam(ABC):
         Raises
         ------
         InputError
-            Frequencies at which the beam is not known, or a dish of an unlikely size.
+            Frequencies at which the beam is not known, no such l, or a dish of an unlikely size.
         """
+        lmax = whole_number("lmax", lmax, 0, _LARGEST_LMAX)
         freqs = np.asarray(freqs, dtype=float) if self.by_line else checked_freqs(freqs, np.size(freqs))
         if not (isinstance(dish_diameter, numbers.Real) and 0 < dish_diameter <= _LARGEST_DISH):
             raise InputError(

@@ -180,9 +180,9 @@ def _summary(table):
         "in": furthest["band"],
         "HI recovered": furthest["recovered"].map("{:.3f}".format),
         "most excess": most["excess"].map("{:.2%}".format),
-        "in ": most["band"],
+        "excess in": most["band"],
     }
-    return pd.DataFrame(columns).rename(columns=str.strip)
+    return pd.DataFrame(columns)
 
 
 EXPERIMENT = Experiment(
