@@ -347,6 +347,6 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# There are fewer flags, but an even larger excess at low $\ell$ with the evolving and the oscillating beam.
+# At `quick` there are fewer flags, but an even larger excess at low $\ell$ with the evolving and the oscillating beam.
 #
 # </details>

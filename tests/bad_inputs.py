@@ -624,6 +624,11 @@ BEAM = "--method beam_subspace --beam"
 add("an unknown method", "good.h5 --method magic", "unknown method")
 add("an unknown parameter", "good.h5 -p n_sorces=3", "did you mean n_sources")
 add("a parameter given twice", "good.h5 -p n_sources=2 -p N_SOURCES=3", "n_sources is given twice")
+add(
+    "a parameter that is no text",
+    "good.h5 -p contrast=\udcff --method fastica",
+    "contrast must be text in UTF-8",
+)
 add("flags for what takes none", "good.h5 --flags bl.npy --method fastica", "fastica takes no weights")
 for n, (write, message) in enumerate(
     (

@@ -242,6 +242,35 @@ class TestCheckAndGrow:
         record = stored("a.json")
         assert len(record.seeds) == 3 and dict(record.about["overrides"])["n_realisations"] == 3
 
+    def test_skies_with_other_template_files_are_refused(self, written):
+        """A record names no folder, so another may be given."""
+        content = json.loads(Path("a.json").read_text())
+        assert content["about"]["galaxy_files"] == ""
+        content["about"]["galaxy_files"] = "of other files"
+        Path("a.json").write_text(json.dumps(content))
+        for options in (["--grow", "a.json", "-p", "n_realisations=3"], ["--check", "a.json"]):
+            code, _, err = written(*CLAIMS, *options)
+            assert code == 2 and "other parameters (galaxy_files)" in err
+
+    @pytest.mark.parametrize("option", ["--check", "--grow"])
+    def test_what_another_command_adds_meanwhile_stays(self, written, monkeypatch, option):
+        table = Experiment.table
+
+        def beside(self, skies):
+            monkeypatch.setattr(Experiment, "table", table)
+            assert written(*CLAIMS, "--grow", "a.json", "-p", "n_realisations=3")[0] == 0
+            return table(self, skies)
+
+        monkeypatch.setattr(Experiment, "table", beside)
+        more = ["-p", "n_realisations=3"] if option == "--grow" else []
+        code, _, err = written(*CLAIMS, option, "a.json", *more)
+        assert len(stored("a.json").seeds) == 3 and len(stored("a.json").rows.drop_duplicates()) == len(
+            stored("a.json").rows
+        )
+        assert (code == 2 and "grown by another command meanwhile: run this one again" in err) or (
+            option == "--check" and code == 0
+        )
+
     @pytest.mark.parametrize(
         ("options", "message"),
         [

@@ -208,6 +208,7 @@ FIXED = [  # (code, other code)
         "max = a\n    def g(): return max(a)\n    return max",
     ),
     ("return [x for x in x]", "return [x for x in a]"),
+    ("for wording in a: print(wording)", "for wording in a: print(wording, a)"),
     ("raise ValueError", "raise KeyError"),
     ("return np.abs(a)", "return np.sign(a)"),
     ("return mutual(a)", "return other(a)"),

@@ -132,6 +132,22 @@ class TestCheck:
         assert marked.about["checked"]["code"] == TOMORROW and marked.codes == [ABOUT["code"], TOMORROW]
         assert marked.rows is record.rows and "checked" not in record.about
 
+    @pytest.mark.parametrize(("factor", "same"), [(1.0009, True), (1.01, False), (9, False)])
+    @pytest.mark.parametrize("size", [1e-6, 1e-2])
+    def test_small_numbers_by_their_own_size(self, record, factor, same, size):
+        """Also those that are small among those of their key, to a thousandth of these."""
+        small = replace(record, rows=record.rows.assign(ratio=size * record.rows["ratio"]))
+        rows = changed(small, ratio=factor * small.rows["ratio"][1])
+        if same:
+            assert small.check(rows, ABOUT).about["checked"]
+        else:
+            with pytest.raises(InputError, match="1 of 4 rows of the seed 7 have changed"):
+                small.check(rows, ABOUT)
+        tiny = replace(
+            record, rows=record.rows.assign(ratio=record.rows["ratio"].where(record.rows["x"] != 1, 1e-9))
+        )
+        assert tiny.check(changed(tiny, ratio=1e-4), ABOUT).about["checked"]
+
     def test_an_infinity_is_what_a_file_keeps_of_it(self, record, tmp_path):
         """JSON has none: it is stored as an absent number."""
         rows = record.rows.assign(ratio=record.rows["ratio"].where(record.rows["x"] > 0, math.inf))

@@ -135,6 +135,27 @@ def test_the_folder_of_notebooks(folder, monkeypatch, tmp_path):
     assert notebooks.notebooks_folder() == folder
 
 
+def test_a_copy_is_not_replaced_by_one_of_other_parameters(folder):
+    """Not even where both have one name, as a file system does not take all characters."""
+    (folder / "01_toy.py").write_text(TOY.replace('mode == "bad"', "mode == 1"))
+    first, second = ({"parameters": {"mode": mode}, "folder": folder} for mode in ("a/b", "a b"))
+    path, _ = reproduce.run("01", **first)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="exists"):
+        reproduce.run("01", **second)
+    assert path.read_bytes() == before
+    assert reproduce.run("01", **first) == (path, True)
+
+
+def test_a_file_that_is_named_from_home(folder, monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "good").write_text("1")
+    once = {"parameters": {"mode": "~/good"}, "preset": "ci", "folder": folder, "again": False}
+    assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]
+    (tmp_path / "good").write_text("12")
+    assert reproduce.run("01", **once)[1]
+
+
 def test_names_of_copies_differ_and_fit_a_file_system():
     assert notebook_files.copy_name("01_toy", "ci", {"preset": "ci"}) == "01_toy_ci.ipynb"
     one, two = (notebook_files.copy_name("01_toy", None, {"path": f"{n}/a folder/" * 40}) for n in (1, 2))
@@ -216,7 +237,9 @@ def test_a_run_with_other_parameters(folder, monkeypatch):
     book.unlink()
     other = passed | {"parameters": {"scale": 3, "nside": 16}, "output": path, "overwrite": True}
     assert reproduce.run("01", **other, again=False)[1]  # those of the file, not of its name
-    assert reproduce.run("01", **passed)[1]
+    with pytest.raises(InputError, match="exists"):
+        reproduce.run("01", **passed)
+    assert reproduce.run("01", **passed, overwrite=True)[1]
     text = path.read_text()
     execution = stamp["execution"]
     assert 0 < execution["seconds"] < 600 and execution["himap"] == __version__

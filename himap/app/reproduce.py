@@ -64,8 +64,8 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None, again=T
         {name: value}; fields of `Survey` may be among them.
     output
         Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder, the
-        other parameters that were passed in the name too, so that another run does not replace this one. What
-        is there is replaced if himap wrote it and nobody edited it since.
+        other parameters that were passed in the name too. What is there is replaced if himap wrote it, with
+        the same parameters, and nobody edited it since.
     again
         Whether to execute it also where the output is there, of today's code and these parameters.
     overwrite
@@ -101,10 +101,11 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None, again=T
             stamp = node.metadata[STAMP]
             unedited = stamp["text"] == text_digest(node)
     same = stamp.get("parameters") == json.loads(json.dumps(values))  # as a file holds them
-    same = same and stamp.get("execution", {}).get("files", {}) == _files_in(values)
-    if not again and same and not moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True):
+    current = same and stamp.get("execution", {}).get("files", {}) == _files_in(values)
+    if not again and current and not moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True):
         return path, False
-    check_output(path, overwrite=overwrite or (output is None and unedited))
+    # Another run may have this name too, as characters that a file system does not take are replaced.
+    check_output(path, overwrite=overwrite or (output is None and unedited and same))
     write_notebook(_execute(notebook, values, Path.cwd(), copied=True), path)
     return path, True
 
@@ -240,9 +241,9 @@ def _files_in(parameters):
     """{name: digest} of the parameters that name a file or folder, by names, sizes and times of the files."""
     digests = {}
     for name, value in parameters.items():
-        if not (isinstance(value, str) and os.path.exists(value)):
+        if not (isinstance(value, str) and os.path.exists(os.path.expanduser(value))):
             continue
-        path = Path(value)
+        path = Path(value).expanduser()
         with contextlib.suppress(OSError):  # the notebook says it
             files = sorted(path.iterdir()) if path.is_dir() else [path]
             states = [(one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in files]

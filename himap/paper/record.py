@@ -23,7 +23,7 @@ from himap.store.provenance import Provenance, environment
 
 _FORMAT = 3
 _DIGITS = 6  # of a number: far more than two machines agree on
-_TOLERANCE = 1e-3  # of numbers that are measured again: relative, and absolute below 1
+_TOLERANCE = 1e-3  # of numbers that are measured again, relative to them or to the median of their key
 _SKIES, _RESTARTS = "n_realisations", "n_restarts"  # how much is measured, not how
 
 
@@ -232,7 +232,11 @@ class Record:
             )
         named = {"seed", *self.experiment.key}
         drawn = rows["drawn"].to_numpy()
-        differing = [~_agree(stored[name], rows[name]) & ~(drawn & (name not in named)) for name in columns]
+        groups = stored.groupby(list(self.experiment.key), sort=False, dropna=False)
+        differing = [
+            ~_agree(stored[name], rows[name], groups[name]) & ~(drawn & (name not in named))
+            for name in columns
+        ]
         moved_rows = np.any(differing, axis=0)
         if moved_rows.any():
             first = moved_rows.argmax()
@@ -295,9 +299,9 @@ class Record:
         InputError
             Which parameters differ.
         """
+        known = ["preset", "galaxy", "seed", *({"galaxy_files"} & self.about.keys() & about.keys())]
         ours, theirs = (
-            {name: made[name] for name in ("preset", "galaxy", "seed")} | dict(made["overrides"])
-            for made in (self.about, about)
+            {name: made[name] for name in known} | dict(made["overrides"]) for made in (self.about, about)
         )
         names = sorted((ours.keys() | theirs.keys()) - {*amounts})
         differing = [name for name in names if json.dumps(ours.get(name)) != json.dumps(theirs.get(name))]
@@ -339,11 +343,15 @@ def _rows(columns, line):
     ]
 
 
-def _agree(stored, again):
-    """Whether two columns agree, row by row: numbers to a thousandth, all else to the letter."""
+def _agree(stored, again, by_key):
+    """Whether two columns agree, row by row: numbers to a thousandth, all else to the letter.
+
+    A thousandth of a number, or, where it is small among those of its key, of their median size.
+    """
     one, other = stored.to_numpy(), again.to_numpy()
     if stored.dtype != "float64":
         return one == other
+    size = by_key.transform(lambda several: several.abs().median()).fillna(0).to_numpy()
     with np.errstate(invalid="ignore"):
-        near = np.abs(one - other) <= _TOLERANCE * np.maximum(1, np.abs(one))
+        near = np.abs(one - other) <= _TOLERANCE * np.maximum(size, np.abs(one))
     return near | ~(np.isfinite(one) | np.isfinite(other))  # a file has no infinity

@@ -271,7 +271,8 @@ def called(node):
 def assigns(node, name):
     """Whether a statement gives a value to `name`."""
     targets = getattr(node, "targets", None) or [getattr(node, "target", None)]
-    return any(getattr(one, "id", "") == name for one in targets) and isinstance(node.value, ast.AST)
+    value = getattr(node, "value", None)  # a loop has a target and no value
+    return any(getattr(one, "id", "") == name for one in targets) and isinstance(value, ast.AST)
 
 
 def is_text(node):

@@ -81,7 +81,8 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         options = {"galaxy": skies[0].galaxy, "preset": chosen["preset"], "parameters": stated}
         made = Provenance.of(skies[0].survey, **options, started=since)
         # The code that ran, whatever was edited in the hours since.
-        return asdict(made) | {"code": measuring_code(name, CodeTree(texts=LOADED))}
+        code = measuring_code(name, CodeTree(texts=LOADED))
+        return asdict(made) | {"galaxy_files": skies[0].galaxy.digest(), "code": code}
 
     if check is not None:
         record.check_parameters(about(started))
@@ -89,6 +90,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
             raise InputError(f"{path} has only single runs of chaotic methods: measure all of it again.")
         rows = experiment.table(skies[:1])
         drawn = _single_draws(rows)
+        record = Record.load(experiment, path)  # another command may have grown it meanwhile
         record.check(rows, about(started), drawn=drawn).save(path)
         n, more = drawn.sum(), "of single runs of a chaotic method are not compared"
         said = f"{len(rows) - n} rows of one sky are the same with today's code"
@@ -101,7 +103,11 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     else:
         for sky in record.missing(skies, about(started)):
             since = time.monotonic()
-            record = record.grow(experiment.table([sky]), about(since))
+            rows = experiment.table([sky])
+            record = Record.load(experiment, path)  # another command may have grown it meanwhile
+            if record.missing([sky], about(since)) != [sky]:
+                raise InputError(f"{path} was grown by another command meanwhile: run this one again.")
+            record = record.grow(rows, about(since))
             record.save(path)  # at once: no sky is lost
     click.echo(_table(experiment.summary(record.rows), experiment.remark(skies[0])))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")

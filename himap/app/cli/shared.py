@@ -126,6 +126,10 @@ def named_values(pairs):
         name = name.lower()
         if not (equals and name.isidentifier()):
             raise InputError(f"a parameter is given as -p name=value; got -p {pair}.")
+        try:
+            text.encode()
+        except UnicodeEncodeError:
+            raise InputError(f"the parameter {name} must be text in UTF-8, got {text!r}.") from None
         if name in texts:
             raise InputError(
                 f"the parameter {name} is given twice, as {texts[name]} and as {text}; give one."
