@@ -47,7 +47,7 @@
 # {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part,
 # {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs and fail in
-# others) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the
+# others, for a method at least) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the
 # {glue:text}`15_claims.ipynb::claims_others:s` other claims the same counts are
 # {glue:text}`15_claims.ipynb::claims_others_reproduced:s`,
 # {glue:text}`15_claims.ipynb::claims_others_in_part:s`,

@@ -6,7 +6,7 @@ import pytest
 from ledgers import ABOUT, entry, finding
 
 from himap.app.stored import other_records
-from himap.paper.claims import FAILED, REPRODUCED
+from himap.paper.claims import FAILED, INAPPLICABLE, REPRODUCED
 from himap.paper.claims.entries import finding_rows
 from himap.paper.experiments import find_experiment
 from himap.paper.ledger_table import cause
@@ -53,16 +53,39 @@ def write(folder, name, verdicts, n_restarts=2, **changed):
             "mean over channels of C/C0, Hann taper along frequency",
         ),
         ("claims_a", {"": REPRODUCED}, {}, "none found"),  # the ledger itself
-        ("readings", {"letter": FAILED, "code": REPRODUCED}, {"preset": "ci"}, "reading code, ci"),
-        ("readings", {"letter": REPRODUCED, "code": REPRODUCED}, {"preset": "ci"}, "ci"),
-        ("readings", {"follow-up": REPRODUCED, "code": REPRODUCED}, {"preset": "ci"}, "ci"),
-        ("readings", {"follow-up": FAILED, "code": REPRODUCED}, {"preset": "ci"}, "reading code, ci"),
+        (
+            "readings",
+            {"letter": FAILED, "code": REPRODUCED},
+            {"preset": "paper"},
+            "reading code, the paper's size",
+        ),
+        ("readings", {"letter": REPRODUCED, "code": REPRODUCED}, {"preset": "paper"}, "the paper's size"),
+        ("readings", {"follow-up": REPRODUCED, "code": REPRODUCED}, {"preset": "paper"}, "the paper's size"),
+        (
+            "readings",
+            {"follow-up": FAILED, "code": REPRODUCED},
+            {"preset": "paper"},
+            "reading code, the paper's size",
+        ),
         ("readings", {"code": REPRODUCED}, {"overrides": []}, "reading code"),
+        ("readings", {"code": REPRODUCED}, {"preset": "ci"}, "none found"),  # D1 is about l = 200
+        ("claims_a", {"": REPRODUCED}, {"overrides": [["reading", "letter"], ["nside", 64]]}, "none found"),
     ],
 )
 def test_what_makes_a_claim_hold(tmp_path, name, verdicts, changed, expected):
     write(tmp_path, name, verdicts, **changed)
     assert cause(entry(FAILED), other_records(MADE, tmp_path)) == expected
+
+
+def test_a_reading_with_another_name_is_that_of_the_ledger(tmp_path):
+    write(tmp_path, "readings", {"letter, beyond = projection": REPRODUCED, "letter": FAILED})
+    made = MADE | {"overrides": []}
+    assert cause(entry(FAILED), other_records(made, tmp_path)) == "none found"
+
+
+def test_a_claim_that_does_not_apply_has_no_cause(tmp_path):
+    write(tmp_path, "claims_a", {"": REPRODUCED}, preset="paper")
+    assert cause(entry(INAPPLICABLE), other_records(MADE, tmp_path)) == ""
 
 
 def test_records_of_another_version_are_left_out(tmp_path):

@@ -16,12 +16,13 @@ from pathlib import Path
 from himap.app.notebooks import notebooks
 from himap.core.errors import InputError
 from himap.core.memory import estimate
-from himap.core.survey import PRESETS
+from himap.core.survey import PRESETS, Survey
 from himap.figures import styles
 from himap.paper.claims.entries import entries
 from himap.paper.experiments import EXPERIMENTS, find_experiment
+from himap.paper.experiments.claims import too_coarse
 from himap.paper.ledger_table import READING
-from himap.paper.readings import outcomes
+from himap.paper.readings import find_reading, outcomes
 from himap.paper.record import Record, measuring_code
 from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree, moved
 from himap.store.provenance import Provenance
@@ -130,11 +131,18 @@ def _judgements(record, made):
     names = "size", "galaxy", *CHOICES
     words = ", ".join(words[name] for name in names if words[name] not in ("", usual[name]))
     reading = dict(made.overrides).get("reading", "default")
+    coarse = too_coarse(changed.get("nside", Survey.preset(record.made.preset).nside))
     if record.experiment.name == "claims":
         label = changed.get("reading", "default")
         several = {label: {entry.claim.id: entry for entry in entries(record.rows)}}
     else:
         several = {label: one.entries for label, one in outcomes(record.rows).items()}
+    several = {  # one that has another name only is that of the ledger
+        reading if find_reading(label).values == find_reading(reading).values else label: {
+            id: entry for id, entry in by_id.items() if id not in coarse
+        }
+        for label, by_id in several.items()
+    }
     judging = [several[reading]] if reading in several else list(several.values()) if len(several) > 1 else []
     holding = [{id for id, entry in by_id.items() if entry.holds} for by_id in judging]
     shared = set.intersection(*holding) if holding else set()  # which are not due to a reading

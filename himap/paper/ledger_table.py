@@ -86,9 +86,9 @@ def cause(entry, others):
     -------
     str
         The names of those in which all these parts hold; "none found", and nothing of a claim that is
-        reproduced. Where no part about SDecGMCA fails, the methods that do come first.
+        reproduced or does not apply. Where no part about SDecGMCA fails, the methods that do come first.
     """
-    if entry.verdict == REPRODUCED:
+    if entry.verdict in (REPRODUCED, INAPPLICABLE):
         return ""
     failing, causes = entry.main_shares[~entry.main_shares["holds"].eq(True)], []
     methods = {*failing["method"]}

@@ -220,9 +220,9 @@ class Record:
         """
         self.check_parameters(about)
         seed = int(rows["seed"].iloc[0])
-        columns = [name for name in rows if name not in self.experiment.words]
+        columns, key = [name for name in rows if name not in self.experiment.words], [*self.experiment.key]
         stored, rows = (  # where restarts were added, rows are in another order
-            table.sort_values(list(self.experiment.key), kind="stable", ignore_index=True)
+            table.sort_values(key, kind="stable", ignore_index=True)
             for table in (self.rows[self.rows["seed"] == seed], rows.assign(drawn=drawn))
         )
         if len(stored) != len(rows):
@@ -232,11 +232,7 @@ class Record:
             )
         named = {"seed", *self.experiment.key}
         drawn = rows["drawn"].to_numpy()
-        groups = stored.groupby(list(self.experiment.key), sort=False, dropna=False)
-        differing = [
-            ~_agree(stored[name], rows[name], groups[name]) & ~(drawn & (name not in named))
-            for name in columns
-        ]
+        differing = [~_agree(name, stored, rows, key) & ~(drawn & (name not in named)) for name in columns]
         moved_rows = np.any(differing, axis=0)
         if moved_rows.any():
             first = moved_rows.argmax()
@@ -307,8 +303,7 @@ class Record:
         differing = [name for name in names if json.dumps(ours.get(name)) != json.dumps(theirs.get(name))]
         if differing:
             raise InputError(
-                f"the record was made with other parameters ({', '.join(differing)}): give those that it was "
-                "made with."
+                f"the record was made with other parameters ({', '.join(differing)}): give those."
             )
 
 
@@ -343,15 +338,13 @@ def _rows(columns, line):
     ]
 
 
-def _agree(stored, again, by_key):
-    """Whether two columns agree, row by row: numbers to a thousandth, all else to the letter.
-
-    A thousandth of a number, or, where it is small among those of its key, of their median size.
-    """
-    one, other = stored.to_numpy(), again.to_numpy()
-    if stored.dtype != "float64":
+def _agree(name, stored, again, key):
+    """Whether a column agrees, row by row: numbers to `_TOLERANCE`, all else to the letter."""
+    one, other = stored[name].to_numpy(), again[name].to_numpy()
+    if stored[name].dtype != "float64":
         return one == other
-    size = by_key.transform(lambda several: several.abs().median()).fillna(0).to_numpy()
+    groups = stored.groupby(key, sort=False, dropna=False)[name]
+    size = groups.transform(lambda several: several.abs().median()).fillna(0).to_numpy()
     with np.errstate(invalid="ignore"):
         near = np.abs(one - other) <= _TOLERANCE * np.maximum(size, np.abs(one))
     return near | ~(np.isfinite(one) | np.isfinite(other))  # a file has no infinity

@@ -58,8 +58,8 @@ def degraded_frequency(sky):
 def degraded_low_k(sky):
     """All six methods lose power at k < 0.03.
 
-    P/P0 below 1, by more than 1 %, at 95 % of the k below 0.03. A main part for each method, PCA/ICA by the
-    worse of the two.
+    P/P0 below 1, by more than 1 %, at 95 % of the k below 0.03; that the paper calls the loss small is not
+    judged. A main part for each method, PCA/ICA by the worse of the two.
     """
     tops = each(sky, "degraded", frequency_band("below", 0, 0.03))
     wording = {"P/P0 at 95 % of the k below 0.03 is at most": tops}

@@ -193,8 +193,8 @@ def _by_mask(sky, measure, methods, *, binned):
 def masked_others(sky):
     """P/P0 of the other methods does not improve notably without the flagged lines.
 
-    Notably is by more than a fifth of the mean |P/P0 - 1|. Two main parts: PCA/ICA by the worse of the two,
-    and GMCA.
+    Notably is by more than a fifth of the mean |P/P0 - 1|. Each method has the mask of its own errors. Two
+    main parts: PCA/ICA by the worse of the two, and GMCA.
     """
     ratios = _by_mask(sky, frequency_band("error"), BLIND, binned=False)
     parts = parts_of(ratios, lambda value: value >= 1 - NOTABLE, "not notably better")
@@ -206,8 +206,8 @@ def masked_angular(sky):
     """C/C0 improves for every BSS method, most for SD.
 
     The mean |C/C0 - 1| for 2 <= l < 200 shrinks by more than 1 %, with spectra of the full sky in the bins of
-    the masked ones; most is by the largest factor. Four main parts: PCA/ICA by the worse of the two, GMCA,
-    SD; SD most.
+    the masked ones; most is by the largest factor. Each method has the mask of its own errors, where the
+    paper has one mask. Four main parts: PCA/ICA by the worse of the two, GMCA, SD; SD most.
     """
     ratios = _by_mask(sky, angular_band("error", 1, 200), BSS, binned=True)
     parts = (*parts_of(ratios, smaller, "improves"), Part("SD most", sd_least(ratios), method="SD"))

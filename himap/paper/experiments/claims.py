@@ -21,6 +21,7 @@ from himap.store.store import product
 
 _PAPER_TOP = 200  # l up to which the paper shows angular spectra
 _UP_TO_TOP = ("D1", "E2", "O3", "O6", "R1", "N5", "A2", "V4", "V6", "V7")  # claims on multipoles near it
+_ON_PEAKS = ("B1", "B2", "B3")
 
 
 @dataclass(frozen=True)
@@ -156,13 +157,18 @@ def _summary(rows):
     return table
 
 
+def too_coarse(nside):
+    """The ids of claims that maps of this nside are too coarse to judge, a tuple."""
+    return (*_UP_TO_TOP, *_ON_PEAKS) if 2 * nside < _PAPER_TOP else ()
+
+
 def _remark(sky):
     """What brackets are, and what the maps of a sky are too coarse to judge, if they end below l = 200."""
     brackets = "In brackets: the 1σ interval of a share, the 16 to 84 % of the members of a number."
     survey = sky.survey
-    if (top := 2 * survey.nside) >= _PAPER_TOP:
+    if not too_coarse(survey.nside):
         return brackets
-    cell = survey.box_size / survey.box_cells
+    cell, top = survey.box_size / survey.box_cells, 2 * survey.nside
     return (
         f"{brackets} Too coarse to judge: {', '.join(_UP_TO_TOP)}, as these maps end at l = {top} and not at "
         f"{_PAPER_TOP}; B1 to B3, which are about peaks, as cells of HI are {cell:.0f} Mpc/h wide and not "
