@@ -241,8 +241,7 @@ class Record:
                 f"{stored[columns].iloc[first].to_dict()}, now {rows[columns].iloc[first].to_dict()}; "
                 "measure all of it again."
             )
-        now = environment()
-        checked = {"code": about["code"], "commit": now["commit"], "dirty": now["dirty"]}
+        checked = {"code": about["code"]} | {name: environment()[name] for name in ("commit", "dirty")}
         return replace(self, about={**self.about, "checked": checked})
 
     def missing(self, skies, about):
