@@ -74,7 +74,7 @@ reading: str = "default"  # SDecGMCA: default, letter, code or follow-up
 n_mocks: int = 6  # mocks, each with a seed of its own
 results: list | None = None  # what `himap measure transfer` wrote; null: that of the book
 larger: list | None = None  # the same at higher resolution
-others: list | None = None  # the same of other methods
+other_methods: list | None = None  # the same of other methods
 
 # %%
 import warnings
@@ -381,7 +381,7 @@ summarised(finer)
 # At `quick`.
 
 # %% tags=["hide-input"]
-further = stored(others, "others")
+further = stored(other_methods, "others")
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-others", "caption": "Means over skies of power over that of the truth in bands, uncorrected (open) and corrected (filled; bars: standard errors of the means), of other methods at quick. Deviations above 20 % are not drawn. Grey lines: 1 %."}}
 shown(further)
