@@ -451,14 +451,14 @@ show_table(rows, columns=4)
 
 # %% [markdown]
 # - **The foreground residual is estimated without the truth and subtracted** (column *foreground*). It is
-#   largest for BeamSubspace with three sources on the real Galaxy.
+#   largest for GMCA, and for PCA at `laptop`.
 # - **The correction is only as good as the estimated foreground.** Its power is what the data have beyond the
 #   mocks, of which only the shape in $k_\nu$ counts, since the power of HI and noise is that of the data in
 #   spectra that are not smooth. How well it is known is in the error bar, since each member draws its own. It
 #   is assumed that foregrounds are smooth, that the beam is right, and that HI has the shape of the mocks.
 # - **So the correction is a systematic error too.** As that is assumed and not measured, the whole of what was
 #   subtracted is quoted, and added in quadrature. That is too cautious where much was subtracted, as for
-#   BeamSubspace on the real Galaxy.
+#   GMCA, PCA at `laptop`, and BeamSubspace with three sources on the real Galaxy.
 # - **The error bars of SmoothSpectra at `quick` are too small**, most with the synthetic Galaxy. Its means at
 #   the lowest $\ell$, with the synthetic Galaxy also at the lowest $k_\nu$, are too high. Its power there
 #   differs more between skies than between members of one sky.
