@@ -218,7 +218,7 @@ Markdown(choices_table(run, [Record.load(EXPERIMENT, LEDGER), *changed]))
 # | Sect. 4.3: too many sources split coherent components; different foregrounds dominate different scales | explanations; the effects are N2 and N3 |
 # | Sect. 4.3: cross-correlation with external tracers can set $n_s$ | no tracers are simulated; eigenvalues and stability of the spectra are tested in {doc}`22_how_many` |
 # | Sect. 4.3, 6: learned thresholds remove the dependence on hyperparameters | the network is a follow-up; the inversion of its code is the reading `follow-up` ({doc}`16_readings`), thresholds are varied in {doc}`23_thresholds` |
-# | Sect. 4.2: SDecGMCA is the *only* method that recovers $C_\ell$ to better than 5 %; the loss at low $k_\nu$ is *small* | O3 and D3 compare methods and find a loss; these words are not judged |
+# | Sect. 4.2: SDecGMCA is the *only* method that meets the accuracy of O3; the loss at low $k_\nu$ is *small* | O3 and D3 compare methods and find a loss; these words are not judged |
 # | App. B: the second fit of the baseline is more accurate than the first | B1 to B3 use the second alone; both are drawn in {doc}`03_peak_masking` |
 # | Sect. 6: masks inside SDecGMCA | future work in the paper; other methods have them in {doc}`24_masks` |
 # | Sect. 2: sources above 1 Jy are removed; the beam represents MeerKAT, the survey SKA1-Mid | assumptions, adopted in {doc}`01_simulations` and {doc}`02_beams_and_noise` |
