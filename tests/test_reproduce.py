@@ -217,6 +217,14 @@ def test_a_copy_reads_well_where_roles_and_captions_are_not_known(folder):
     assert reproduce.run("01", **passed) == (path, True)  # it counts as himap's own, which nobody edited
 
 
+def test_a_copy_is_written_although_a_number_is_missing(folder):
+    words = "{glue:text}`no_such`, {glue:text}`99_none.ipynb::other:s`, {glue:text}`broken.ipynb::more:s`"
+    (folder / "01_toy.py").write_text(f"{TOY}\n# %% [markdown]\n# {words}, {{cite:t}}`2024`\n")
+    (folder / "broken.ipynb").write_text("{")
+    path, _ = reproduce.run("01", folder=folder)
+    assert nbformat.read(path, as_version=4).cells[-1].source == "`no_such`, `other`, `more`, [2024]"
+
+
 def test_a_run_with_other_parameters(folder, monkeypatch):
     passed = {"preset": "ci", "parameters": {"scale": 2, "nside": 16}, "folder": folder}
     path, done = reproduce.run("01", **passed)

@@ -10,6 +10,7 @@ it has a share in.
 """
 
 import base64
+import contextlib
 import csv
 import hashlib
 import io
@@ -148,11 +149,13 @@ def for_jupyter(node, notebook, parameters, seconds):
         if kind == "glue:text":
             path, _, name = text.rpartition("::")
             if path not in numbers:  # of another chapter, so of the book
-                numbers[path] = _quoted(read_notebook(notebook.path.parent / path).cells)
-            return numbers[path][name.partition(":")[0]]
+                with contextlib.suppress(OSError, ValueError):
+                    numbers[path] = _quoted(read_notebook(notebook.path.parent / path).cells)
+            name = name.partition(":")[0]
+            return numbers.get(path, {}).get(name, f"`{name}`")  # after hours of work nothing may be missing
         if kind.startswith("cite"):
-            keys = (re.fullmatch(r"(\D+)(.*)", key) for key in text.split(","))
-            return f"[{', '.join(f'{key[1].title()} {key[2]}' for key in keys)}]"
+            keys = (re.fullmatch(r"(\D*)(.*)", key) for key in text.split(","))
+            return f"[{', '.join(f'{key[1].title()} {key[2]}'.strip() for key in keys)}]"
         title, _, target = text.rstrip(">").rpartition("<")
         return f"{title}(`{target}`)" if title else text if kind in ("claim", "term") else f"`{text}`"
 
