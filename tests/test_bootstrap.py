@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from himap.maps import sphere
-from himap.measures.bootstrap import covariance, sigma, squared_pull
+from himap.measures.bootstrap import chance_of, covariance, sigma, squared_pull
 from himap.measures.transfer import TransferFunction, harmonic_power, mock_power
 from himap.removal import PCA
 from himap.removal.cleaning import Cleaning
@@ -147,3 +147,9 @@ class TestAMissedSource:
         assert 0.45 < np.mean(np.abs(pulls[True]) < 1) < 0.9
         assert np.sqrt(np.mean(np.square(pulls[True]))) < 1.6 and abs(np.mean(pulls[True])) < 0.6
         assert np.median(pulls[False]) > 3
+
+
+@pytest.mark.parametrize("n_mocks", [2, 4, 30])
+def test_one_error_bar_is_exceeded_by_32_percent(n_mocks):
+    """With Student's factor, however few the mocks."""
+    assert chance_of(1, n_mocks) == pytest.approx(2 * stats.norm.sf(1))

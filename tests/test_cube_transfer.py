@@ -362,3 +362,18 @@ class TestCommands:
         page = Path("c.html").read_text()
         assert "Corrected spectra" in page and "fifths of the sky" in page
         run("clean", "cube.h5", *words, "-o", "c.h5", code=2)  # is there
+
+
+def test_errors_and_sample_variance_are_those_of_the_transfer_function(cleaned, rng, tmp_path):
+    """In the spectra, and the latter in the file of them."""
+    both, transfer = corrected_by(cleaned, [blue(rng) for _ in range(3)])
+    for kind, first in (("angular", 2), ("frequency", 1)):
+        one = both[kind]
+        inside = slice(first, first + len(one.x))
+        assert one.errors == pytest.approx(transfer.errors(kind)[:, inside], rel=1e-9)
+        assert one.sample == pytest.approx(transfer.sample(kind)[:, inside], rel=1e-9)
+    write_spectra(both, tmp_path / "a.csv")
+    rows = csv.DictReader((tmp_path / "a.csv").read_text().splitlines())
+    row = [row for row in rows if row["spectrum"] == "angular"][3]
+    one, place = both["angular"], np.eye(len(both["angular"].x))[3:4]
+    assert float(row["sample"]) == pytest.approx(one.sigma(place, "sample")[0], rel=1e-6)

@@ -141,3 +141,9 @@ class TestFigures:
         for axes in shown:
             line = axes.lines[0]
             assert line.get_ydata()[[0, -1]].tolist() == [0, 1] and np.all(np.diff(line.get_xdata()) >= 0)
+
+
+def test_a_chance_is_never_0(rng):
+    """The samples as they are count as one of the permutations."""
+    one, two = rng.normal(size=(20, 2)), rng.normal(5, size=(20, 2))
+    assert compare_samples(one, two, n_permutations=99)[2] == pytest.approx(1 / 100)

@@ -15,7 +15,7 @@ from himap.maps import sphere
 from himap.maps.low_rank import centred
 from himap.measures.diagnostics import flagged_lines
 from himap.measures.spectra import TAPERS, angular_power, frequency_power
-from himap.paper import cleaned, evidence, pipeline
+from himap.paper import cleaned, evidence, leakage, pipeline
 from himap.paper.realisation import Realisation
 from himap.removal import PCA, Parametric, SDecGMCA
 from himap.removal.peaks import PeakMasked
@@ -122,14 +122,18 @@ class TestWithoutPointSources:
         full = cleaned.assessment(CASE, PLAIN).power_spectra
         assert found.frequency.power[1] != pytest.approx(full.frequency.power[1], rel=1e-3)
 
-    def test_the_galaxy_is_the_rest(self, monkeypatch):
+    @pytest.mark.parametrize("dimming", [None, Dimming(weight=0.1)])
+    def test_the_galaxy_is_the_rest(self, dimming, monkeypatch):
         monkeypatch.setattr(evidence, "spectra_with", lambda *given: given)
-        foreground, *rest = evidence.spectra_without_sources.compute(CASE, PLAIN)
-        assert rest == [CASE, PLAIN]
+        case = replace(CASE, dimming=dimming)
+        foreground, *rest = evidence.spectra_without_sources.compute(case, PLAIN)
+        assert rest == [case, PLAIN]
+        weights = 1 if dimming is None else dimming.weights(SURVEY.nside)
         maps = emission_maps(Galaxy().components(SURVEY.nside, SURVEY.rng("galaxy")), SURVEY.freqs)
         windows = CASE.beam.of_survey(SURVEY).total
         for row, window, found in zip(maps, windows, on_sky(foreground, SURVEY.nside).cube(), strict=True):
-            expected = sphere.synthesise(sphere.multiply_beam(sphere.analyse(row), window), SURVEY.nside)
+            alm = sphere.multiply_beam(sphere.analyse(weights * row), window)
+            expected = sphere.synthesise(alm, SURVEY.nside)
             assert found == pytest.approx(expected, abs=float(1e-5 * expected.std()))
 
     def test_maps_that_the_method_refuses_have_a_reason(self):
@@ -180,3 +184,11 @@ class TestLines:
             assert k == pytest.approx(powers[0].k[1:])
             assert row == pytest.approx(powers[0].power[1:] / powers[1].power[1:], rel=1e-2)
         assert np.ptp(ratios, axis=0).max() > 0.02
+
+
+@pytest.mark.parametrize("remover", [PLAIN, ENDING])
+def test_the_foreground_residual_of_flagged_lines_is_that_of_the_split(remover):
+    found = evidence.error_of_flagged_lines.compute(FAINTER, remover)
+    lines = flagged_lines(cleaned.assessment(FAINTER, remover).line_errors)
+    residual = leakage.split_error(FAINTER, remover)[0].lines(lines)
+    assert found["foreground residual"] == pytest.approx(np.mean(np.square(residual)), rel=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from himap.core.errors import InputError
-from himap.removal.peaks import mask_peaks, smooth_baselines
+from himap.removal.peaks import baseline_basis, mask_peaks, smooth_baselines
 
 FREQS = np.linspace(902.5, 1397.5, 100)
 U = (FREQS - 1150) / 247.5
@@ -120,3 +120,17 @@ def test_the_lowest_threshold_that_is_allowed_leaves_enough_channels(rng):
     found = smooth_baselines(noise, freqs, order=1, n_sigma=1.14)
     assert found.flagged.sum(axis=0).max() <= 6
     assert np.isfinite(found.second).all()
+
+
+def test_clipping_with_many_gaps_and_uneven_weights(rng):
+    """Deviations are of what is seen, and each is in units of the error that its weight is of."""
+    freqs = np.linspace(900, 1100, 60)
+    lines, weights = rng.standard_normal((60, 400)), rng.choice([0.0, 0.2, 1.0, 3.0], (60, 400))
+    found = smooth_baselines(lines, freqs, order=2, n_sigma=2.2, weights=weights)
+    basis = baseline_basis(freqs, 2)
+    for line, weight, flagged in zip(lines.T, weights.T, found.flagged.T, strict=True):
+        root = np.sqrt(weight)
+        fit = basis @ np.linalg.lstsq(root[:, None] * basis, root * line, rcond=None)[0]
+        pull = root * np.abs(line - fit)
+        assert np.array_equal(flagged, pull > 2.2 * np.sqrt(np.sum(pull**2) / np.count_nonzero(weight)))
+    assert found.flagged.any()

@@ -10,7 +10,7 @@ from himap.instrument.beams import Degraded, Evolving, MeerKAT, Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.measures.diagnostics import Comparison
 from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
-from himap.paper import cleaned
+from himap.paper import cleaned, evidence, pipeline
 from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
 from himap.paper.realisation import Realisation
 from himap.removal import Polynomial, SDecGMCA
@@ -156,3 +156,28 @@ def test_a_residual_that_ends_before_the_maps_is_compared_as_far_as_it_goes():
     ending = replace(power, angular=power.angular.upto(12))
     assert Comparison.of(ending, power, l_top=16).degrees.tolist() == list(range(2, 13))
     assert Comparison.of(power, power, l_top=16).degrees.tolist() == list(range(2, 17))
+
+
+def test_variance_is_that_of_the_fractional_errors():
+    """The paper's Eq. A.3, at the multipoles that are compared."""
+    case, method, peaks = SKY.calls("oscillating")["pca"]
+    found = cleaned.assessment(case, method, peaks).power_spectra.angular.cl[:, 2:17]
+    true = pipeline.true_spectra(case).angular.cl[:, 2:17]
+    assert SKY.of("oscillating")["pca"].degrees.astype(int).tolist() == list(range(2, 17))
+    assert SKY.variance("pca") == pytest.approx((found / true - 1).var(axis=0), rel=1e-3)
+
+
+def test_facts_are_of_the_case_and_method_that_claims_are_about():
+    assert SKY.facts["flagged"] == (evidence.error_of_flagged_lines, SKY.calls("oscillating")["sdecgmca"])
+    product, call = SKY.facts["no sources"]
+    assert product is evidence.spectra_without_sources
+    assert call == (SKY.cases["degraded"][0], SKY.calls("degraded")["parametric"][1])
+
+
+def test_the_peak_without_the_brightest_lines_is_the_highest_near_the_ripple(monkeypatch):
+    k = np.linspace(0, 1, 101)
+    ratios = np.array([1 + n * np.exp(-(((k - 0.31) / 0.01) ** 2)) for n in range(6)])
+    ratios[:, -1] = 99  # elsewhere
+    monkeypatch.setattr(Realisation, "_fact", lambda self, what: (k, ratios))
+    shares, values = SKY.without_brightest("pca")
+    assert shares == evidence.BRIGHTEST and values == pytest.approx(1 + np.arange(6.0))

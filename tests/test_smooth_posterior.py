@@ -176,3 +176,10 @@ def test_a_foreground_may_be_as_bright_as_float64_holds(products):
     data = data_of(sky.truth + sky.foreground)
     drawn = foreground_given(data, products).draw(data, np.random.default_rng(1)).foreground.cube()
     assert power(drawn, 5, LMAX) == pytest.approx(power(sky.foreground, 5, LMAX), rel=1e-3)
+
+
+def test_beyond_2_nside_what_is_faint_is_that_of_the_last_band_before(rng):
+    found = in_bands(np.full(96, 0.2), 95, rng)
+    n_exact = sum(last <= 64 for _, last in multipole_bands(95))
+    assert n_exact < len(found) and found[n_exact - 1] > 0
+    assert found[n_exact:] == pytest.approx(found[n_exact - 1])
