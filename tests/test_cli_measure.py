@@ -60,6 +60,15 @@ def test_every_experiment_ends_with_a_table(name, monkeypatch):
         assert lines[-1] == "a note" and len(lines) > 2 and max(map(len, lines)) <= 180
 
 
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_skies_take_the_parameters_of_the_chapter(name):
+    """But for those that say where the chapter finds stored results."""
+    experiment = find_experiment(name)
+    chosen, _ = measure._parameters(experiment, ["n_realisations=1"], "ci", {})
+    (sky,) = experiment.skies(**chosen)
+    assert sky.survey.nside == 32 and sky.galaxy.digest() == ""
+
+
 class TestWrite:
     def test_table_and_file(self, himap_command, seen, monkeypatch):
         monkeypatch.setenv("COLUMNS", "1000")

@@ -117,6 +117,6 @@ EXPERIMENT = Experiment(
         "n_mocks": 8,
         "methods": [["beam_subspace", 3], ["beam_subspace", 4], ["pca", 6], ["pca", 7]],
     },
-    without=("results", "larger"),
+    without=("results", "larger", "other_methods"),
     stated=("n_realisations", "n_mocks"),
 )
