@@ -12,9 +12,7 @@ from himap.core.errors import InputError
 from himap.instrument.beams.base import Beam, GaussianBeam, Windows
 
 _ANY, _BANDS = "any", ("UHF", "L")
-_RADIUS = np.linspace(
-    0, 20, 4001
-)  # deg; the first side lobe is at 1e-2, the end at 1e-6 (L, 900 MHz) to 1e-5
+_RADIUS = np.linspace(0, 20, 4001)  # deg; the first side lobe is at 1e-2, the end at 1e-5 or less
 _LEAST = 1e-4
 
 
