@@ -5,9 +5,12 @@ import shutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import yaml
 from conftest import ROOT, render_book
+
+from himap.app.notebook_files import figures
 
 ADDRESS = "https://github.com/somebody/himap"
 
@@ -82,26 +85,73 @@ def test_tables_show_what_the_tolerance_is_sure_of(stored, shown):
     assert without_tolerance("<td>5 of 6 (3 to 4)</td>") == "<td>5 of 6 (3 to 4)</td>"
 
 
-def ratios(curves, kind):
-    """{curve: ratio} of one panel, curves {label: (y, ...)} at x = 1, 2."""
+def curves_to_play(curves):
+    """{curve: what the script gets} of one panel with ratios, of curves {label: (y, ...)} at x = 1, 2."""
     from play_data import view
     from play_looks import methods
 
     points = [(label, dict(enumerate(ys, start=1))) for label, ys in curves.items()]
-    (panel,) = view("here", {"panel": points}, methods, lambda title: kind)["panels"]
-    return {one["label"]: one.get("ratio", "none") for one in panel["curves"]}
+    (panel,) = view("here", {"panel": points}, methods, lambda title: "angular")["panels"]
+    return {one["label"]: one for one in panel["curves"]}
 
 
 def test_a_ratio_is_to_the_truth_of_the_curve():
-    truth = {"HI + noise": (2, 4)}
-    assert ratios(truth | {"PCA": (1, 4)}, "angular") == {"HI + noise": "none", "PCA": [0.5, 1]}
-    cut = truth | {"SDecGMCA": (1, 1)}
-    assert ratios(cut, "angular")["SDecGMCA"] == [0.5, 0.25]
-    assert ratios(cut, "frequency")["SDecGMCA"] is None
-    own = ratios(cut | {"SDecGMCA: truth": (1, 2)}, "frequency")
-    assert own == {"HI + noise": "none", "SDecGMCA": [1, 0.5]}
-    masked = ratios(truth | {"_PCA, whole sky": (2, 2), "PCA": (1, 1)}, "angular")
-    assert masked["PCA, whole sky"] == [1, 0.5] and masked["PCA"] is None
+    curves = {"HI + noise": (2, 4), "PCA": (1, 4), "PCA, masked": (1, 1), "PCA, masked: truth": (1, 2)}
+    found = curves_to_play(curves)
+    assert list(found) == ["HI + noise", "PCA", "PCA, masked"] and "ratio" not in found["HI + noise"]
+    assert found["PCA"]["ratio"] == [0.5, 1] and found["PCA, masked"]["ratio"] == [1, 0.5]
+    assert found["PCA"]["spread"] == found["PCA"]["ratio_spread"] == []
+
+
+def test_an_ensemble_is_one_curve_with_a_spread():
+    """Its ratios are percentiles of those of its members, each to its own truth."""
+    members, truths = (
+        np.array([[1.0, 8.0], [3.0, 6.0], [4.0, 4.0]]),
+        np.array([[1.0, 2.0], [2.0, 2.0], [1.0, 4.0]]),
+    )
+    curves = {"HI + noise": (2, 4)}
+    for end, several in (("", members), (": truth", truths)):
+        name, percentiles = (
+            f"SDecGMCA, median of 3 (1 failed){end}",
+            np.percentile(several, (16, 50, 84), axis=0),
+        )
+        curves |= dict(
+            zip([f"{name}: {part}" for part in ("16 %", "median", "84 %")], percentiles, strict=True)
+        )
+        curves |= {f"{name}: restart {k}": ys for k, ys in enumerate(several)}
+    found = curves_to_play(curves)
+    assert list(found) == ["HI + noise", "SDecGMCA, median of 3 (1 failed)"]
+    one = found["SDecGMCA, median of 3 (1 failed)"]
+    for name, several in (("", members), ("ratio", members / truths)):
+        low, middle, high = np.percentile(several, (16, 50, 84), axis=0)
+        assert one[name or "y"] == pytest.approx(list(middle), rel=1e-4)
+        assert np.array(one[f"{name}_spread".strip("_")]) == pytest.approx(
+            np.vstack([low, high, several]), rel=1e-4
+        )
+
+
+def test_curves_of_each_figure_to_play_with_look_different():
+    """A style that a label no longer gets would make two curves look alike."""
+    from play import LINES, SPECTRA, content_of
+
+    seen = set()
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        for figure in figures(path):
+            if figure.name not in {*SPECTRA, *LINES}:
+                continue
+            seen.add(figure.name)
+            for view in content_of(ROOT, figure)["views"]:
+                for panel in view["panels"]:
+                    looks = [
+                        str({k: one.get(k) for k in ("color", "dash", "width", "points")})
+                        for one in panel["curves"]
+                    ]
+                    assert len(set(looks)) == len(looks), (figure.name, view["label"], panel["title"])
+                    if figure.name in SPECTRA:
+                        assert all(
+                            one.get("ratio") for one in panel["curves"] if one["label"] != "HI + noise"
+                        )
+    assert seen == {*SPECTRA, *LINES}
 
 
 def test_labels_are_plain():
@@ -109,4 +159,3 @@ def test_labels_are_plain():
 
     assert plain(r"$k_\nu$ [MHz$^{-1}$]") == "k [MHz⁻¹]"
     assert plain(r"SDecGMCA, $C_\ell$ alone") == "SDecGMCA, C(ℓ) alone"
-    assert plain("_PCA, whole sky") == "PCA, whole sky"

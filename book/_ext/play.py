@@ -63,7 +63,11 @@ def add_buttons(app, doctree, docname):
     there = {figure.name: figure for figure in figures(source)}
     for node in doctree.findall(nodes.figure):
         for name in set(node["ids"]) & set(there) & {*SPECTRA, *LINES, READINGS_FIGURE}:
-            _write(Path(app.outdir, "_static", "play", f"{name}.js"), name, _content(app, there[name]))
+            _write(
+                Path(app.outdir, "_static", "play", f"{name}.js"),
+                name,
+                content_of(Path(app.srcdir), there[name]),
+            )
             button = f'<button type="button" class="himap-play" data-figure="{name}" hidden></button>'
             legend = next(node.findall(nodes.legend))
             legend.insert(0, nodes.raw("", button, format="html"))
@@ -84,15 +88,17 @@ def _write(path, name, content):
     path.write_text(f"himapPlay.arrived({json.dumps(name)}, {text});\n", encoding="utf-8")
 
 
-def _content(app, figure):
-    """What the script gets of one figure."""
+def content_of(root, figure):
+    """What the script gets of one `Figure` of the book in the folder `root`, a dict."""
+    results = root / "book" / "results"
     if figure.name == READINGS_FIGURE:
-        return _of_readings(Path(app.srcdir, "book", "results", "readings.json"))
+        return _of_readings(results / "readings.json")
     about = SPECTRA.get(figure.name) or LINES.get(figure.name) or {}
     kind = partial(_kind, about.get("kind")) if figure.name in SPECTRA else None
-    parameters = read_notebook(app.env.doc2path(f"notebooks/{figure.notebook}")).metadata[STAMP]["parameters"]
+    notebook = root / "notebooks" / f"{figure.notebook}.ipynb"
+    parameters = read_notebook(notebook).metadata[STAMP]["parameters"]
     sources = [(parameters, play_data.of_notebook(figure))]
-    for rows in stored_figures(Path(app.srcdir, "book", "results")).values():
+    for rows in stored_figures(results).values():
         if row := rows.get(figure.name):
             sources.append((row["parameters"], play_data.of_stored(row)))
     views = []

@@ -2,16 +2,21 @@
 is stored of the paper's size. Nothing is measured here.
 
 A figure has views (size and Galaxy, or noise level), a view has panels (beam, or direction), a panel has
-curves: {"label", "color", "dash", "width", "y"} over one "x", with `None` where a curve has no point.
+curves: {"label", "color", "dash", "width", "y"} over one "x", with `None` where a curve has no point. An
+ensemble is one curve, its median, with a "spread": the ends of its band, and its members. "ratio" and
+"ratio_spread" are the same over the truth.
 """
 
 import math
 import re
 
+import numpy as np
 from matplotlib.colors import to_hex
 
 TRUTH = "HI + noise"
-OWN = ": truth"  # ends the label of the truth that a curve brings
+_BAND = ("16 %", "84 %")
+_PARTS = re.compile(r"(?P<name>.*?)(?P<own>: truth)?(?:: (?P<part>\d+ %|median|restart \d+))?")
+"""Of a label: the truth that a curve brings ends with OWN, parts of an ensemble with what they are."""
 _SIGNS = {
     r"$C_\ell$": "C(ℓ)",
     r"$P(k_\nu)$": "P(k)",
@@ -35,7 +40,7 @@ def plain(text):
     """
     for sign, said in _SIGNS.items():
         text = text.replace(sign, said)
-    return text.removeprefix("_")
+    return text
 
 
 def of_notebook(figure):
@@ -58,9 +63,6 @@ def of_stored(row):
     }
 
 
-_OF_ENSEMBLE = re.compile(r": (\d+ %|restart \d+)$").search
-
-
 def size_and_galaxy(parameters):
     """What a view is called: ``quick, synthetic Galaxy``."""
     galaxy = parameters.get("galaxy", "synthetic")
@@ -69,8 +71,11 @@ def size_and_galaxy(parameters):
 
 def medians(curves):
     """Of [(label, points)] those of ensembles by their medians alone, with the label before its remarks."""
-    kept = [(label.removesuffix(": median"), points) for label, points in curves if not _OF_ENSEMBLE(label)]
-    return [(re.sub(r" \(\d+ of \d+ failed\)$", "", label), points) for label, points in kept]
+    kept = [(label, points) for label, points in curves if _parts(label)[2] in (None, "median")]
+    return [
+        (re.sub(r" \(\d+ of \d+ failed\)", "", label).removesuffix(": median"), points)
+        for label, points in kept
+    ]
 
 
 def view(label, panels, looks, kind=None):
@@ -94,38 +99,53 @@ def view(label, panels, looks, kind=None):
 
 
 def _panel(title, curves, looks, kind):
-    named, shown = dict(curves), []
+    several, shown = {}, []
+    for label, points in curves:
+        name, is_truth, part = _parts(label)
+        several.setdefault(name, {})[is_truth, part] = points
     xs = sorted({x for _, points in curves for x in points if x > 0})
-    drawn = {label: points for label, points in curves if not label.endswith(OWN)}
-    styled = looks(list(drawn))
-    for label, points in drawn.items():
-        one = {"label": plain(label), **_look(styled[label])}
-        one["y"] = [_number(points.get(x)) for x in xs]
-        if kind and label != TRUTH:
-            one["ratio"] = _ratio(label, kind, named, xs)
+    styled = looks(list(several))
+    for name, parts in several.items():
+        one = {"label": plain(name), **_look(styled[name])}
+        one["y"], one["spread"] = _values(parts, xs)
+        if kind and name != TRUTH:
+            one["ratio"], one["ratio_spread"] = _values(parts, xs, several[TRUTH][False, None])
         shown.append(one)
     return {"title": plain(title), "x": [float(f"{x:.5g}") for x in xs], "curves": shown}
 
 
-def _ratio(label, kind, named, xs):
-    """Over the truth, or None where the truth that this curve is divided by is not among the numbers.
+def _parts(label):
+    """Name of a curve, whether this is the truth that it brings, and which part of an ensemble or None."""
+    found = _PARTS.fullmatch(label)
+    return found["name"], bool(found["own"]), found["part"]
 
-    A curve that brings its own is divided by that. Else a masked sky has another one, and so had P(k) of
-    SDecGMCA in figures that were stored before it was shown as an ensemble, where it ended at some l.
+
+def _values(parts, xs, truth=None):
+    """A curve or the median of an ensemble at some x, and the spread [low, high, *members], or none.
+
+    Of {(is_truth, part): {x: y}}. Where `truth` is given, each over the truth that it brings, or over that.
     """
-    method, ensemble, _ = label.partition(", median of ")
-    masked = any(other.partition(", median of ")[0].endswith(f"{method}, whole sky") for other in named)
-    cut = kind == "frequency" and not ensemble and label.startswith(("SDecGMCA", "_SDecGMCA", "$n_s$"))
-    truth = named.get(label + OWN, None if masked or cut else named[TRUTH])
-    if truth is None:
-        return None
-    points = named[label]
-    return [_number(points[x] / truth[x]) if points.get(x) and truth.get(x) else None for x in xs]
+    found = {}
+    for (is_truth, part), points in parts.items():
+        if not is_truth:
+            below = parts.get((True, part), truth)
+            found[part] = _at(points, xs) if truth is None else _at(points, xs) / _at(below, xs)
+    members = [ys for part, ys in found.items() if part and part.startswith("restart")]
+    if members and truth is not None:  # not the ratios of percentiles
+        percentiles = np.percentile(members, [float(part.partition(" ")[0]) for part in _BAND], axis=0)
+        found |= dict(zip(_BAND, percentiles, strict=True)) | {"median": np.median(members, axis=0)}
+    spread = [*(found[part] for part in _BAND), *members] if members else []
+    middle = found["median"] if members else found[None]
+    return [*map(_number, middle)], [[*map(_number, ys)] for ys in spread]
+
+
+def _at(points, xs):
+    return np.array([points.get(x, math.nan) for x in xs])
 
 
 def _number(value):
     """Five digits; None for what is no number."""
-    return float(f"{value:.5g}") if value is not None and math.isfinite(value) else None
+    return float(f"{value:.5g}") if math.isfinite(value) else None
 
 
 def _look(style):

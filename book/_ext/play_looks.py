@@ -7,12 +7,12 @@ _OTHER = {"color": "0.45", "linestyle": (0, (3, 1, 1, 1))}
 
 
 def methods(labels):
-    """Methods by their names; thin on the whole sky where a masked one stands beside it."""
-    found = {label: _method(label.removeprefix("_")) for label in labels}
-    leasts = [label for label in labels if label.startswith("least")]
-    of = [label for label in labels if label in _NAMES]  # a mark for each method, in their order
-    for label, method in zip(leasts, of, strict=False):
-        found[label] = {"color": _NAMES[method]["color"], "marker": "o", "linestyle": "none"}
+    """Methods by their names; thin and dotted of the full sky where there is a masked one too."""
+    found = {label: _method(label) for label in labels}
+    minima = [label for label in labels if label.startswith("minimum")]
+    names = dict.fromkeys(filter(None, map(_name, labels)))  # a mark for each, in their order
+    for label, name in zip(minima, names, strict=False):
+        found[label] = {"color": _NAMES[name]["color"], "marker": "o", "linestyle": "none"}
     for label, line in (("$C_\\ell$ alone", (0, (5, 1.5))), ("$P(k_\\nu)$ alone", ":")):
         for one in labels:
             if one.endswith(label):
@@ -23,11 +23,16 @@ def methods(labels):
 _NAMES = {style["label"]: style for style in styles.METHOD_STYLES.values()}
 
 
+def _name(label):
+    """The name of the method that a label begins with, or None."""
+    return next((one for one in _NAMES if label == one or label.startswith((f"{one},", f"{one} "))), None)
+
+
 def _method(label):
-    name = next((one for one in _NAMES if label == one or label.startswith((f"{one},", f"{one} "))), None)
+    name = _name(label)
     if name is None:
         return _TRUTH if label == "HI + noise" else _OTHER
-    return _NAMES[name] | ({"linewidth": 0.8} if label.endswith("whole sky") else {})
+    return _NAMES[name] | ({"linewidth": 0.8, "linestyle": (0, (1, 2))} if ", full sky" in label else {})
 
 
 def sequence(labels):
@@ -38,13 +43,13 @@ def sequence(labels):
 
 
 def corrected(labels):
-    """Pairs as a method leaves a spectrum, dotted, and over its transfer function."""
+    """Pairs of a spectrum that is not corrected, dotted, and the same corrected."""
     names = list(dict.fromkeys(label.rpartition(", ")[0] for label in labels if ", " in label))
     colours = dict(zip(names, (styles.INDIGO, *styles.COLOURS[1:]), strict=False))
     return {
         label: {
             "color": colours[label.rpartition(", ")[0]],
-            "linestyle": ":" if label.endswith("left") else "-",
+            "linestyle": ":" if label.endswith("uncorrected") else "-",
         }
         if ", " in label
         else _TRUTH

@@ -67,7 +67,7 @@ const himapPlay = (() => {
       this.charts.push(himapChart.draw({ ...common, height: 300, curves, shown: visible, labels, logs, range: shown.y_range, band: shown.band }));
       const ratio = this.ratioLabel(shown);
       if (ratio) {
-        const ratios = shown.curves.map((curve) => ({ ...curve, ys: curve.ratio || shown.x.map(() => null) }));
+        const ratios = shown.curves.map((curve) => ({ ...curve, ys: curve.ratio || shown.x.map(() => null), spread: curve.ratio_spread || [] }));
         this.charts.push(himapChart.draw({ ...common, height: 260, curves: ratios, shown: visible, labels: [labels[0], ratio], logs: [logs[0], false], range: RATIOS[this.ratio][1], band: true }));
       }
       this.places.setAttribute("aria-label", `${shown.title || "Curves"}, ${this.content.views[this.view].label}. Left and right arrows move along the curves, plus and minus zoom, 0 shows all.`);
@@ -149,8 +149,8 @@ const himapPlay = (() => {
       if (show) this.hidden.delete(curve.label);
       else this.hidden.add(curve.label);
       button.setAttribute("aria-pressed", String(show));
-      const at = this.shown.curves.indexOf(curve) + 1;
-      this.charts.forEach((chart) => chart.setSeries(at, { show }));
+      const at = this.shown.curves.indexOf(curve);
+      this.charts.forEach((chart) => himapChart.show(chart, at, show));
     }
 
     /* A number of each curve at the cursor: its ratio where there is one. */
@@ -197,11 +197,11 @@ const himapPlay = (() => {
     }
 
     explain() {
-      const without = this.shown.ratio_label ? this.shown.curves.filter((curve) => curve.ratio === null).map((curve) => curve.label) : [];
       const what = this.ratioLabel(this.shown);
+      const ensembles = this.shown.curves.some((curve) => curve.spread.length);
       this.note.textContent = "Drag over a stretch of the curves to zoom, double-click for the whole range." +
         (what ? ` Numbers beside the curves’ names are ${what} under the pointer.` : "") +
-        (without.length ? ` No ratio here of ${without.join(", ")}: the truth that it is divided by (masked, or cut where the method ends) is not among the stored numbers; the picture has the ratio.` : "");
+        (ensembles ? " Of restarts the median, the band from 16 to 84 %, and each as a thin line." : "");
     }
   }
 

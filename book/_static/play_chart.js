@@ -102,17 +102,38 @@ const himapChart = (() => {
     return [low - margin, high + margin];
   }
 
-  /* about: {place, width, height, x, curves: [{label, color, dash, width, points, ys}], shown, labels: [x, y],
-     logs: [x, y], range: [low, high] or null, band, dark, key, moved} */
+  /* The series of spreads, [low, high, ...members] of each curve, below the curves in their order. */
+  function spreads(curves, shown, dark) {
+    return curves.flatMap((curve, n) => curve.spread.map((ys, k) => ({
+      of: n,
+      ys,
+      edge: k < 2,
+      series: {
+        stroke: k < 2 ? "transparent" : legible(curve.color, dark),
+        width: k < 2 ? 0 : 0.6,
+        alpha: 0.6,
+        show: shown[n],
+        spanGaps: true,
+        points: { show: false },
+      },
+    })));
+  }
+
+  /* about: {place, width, height, x, curves: [{label, color, dash, width, points, ys, spread}], shown,
+     labels: [x, y], logs: [x, y], range: [low, high] or null, band, dark, key, moved} */
   function draw(about) {
     const { dark } = about;
     const colours = dark
       ? { ink: "#e0e0e0", grid: "#3a3a3a", band: "#2b2b2b" }
       : { ink: "#222222", grid: "#e4e4e4", band: "#ececec" };
     const positive = (ys) => (about.logs[1] ? ys.map((y) => (y > 0 ? y : null)) : ys);
-    const data = [about.x, ...about.curves.map((curve) => positive(curve.ys))];
+    const several = spreads(about.curves, about.shown, dark);
+    const data = [about.x, ...[...about.curves, ...several].map((one) => positive(one.ys))];
+    const first = about.curves.length + 1; // of the series of spreads
+    const edges = several.filter((one) => one.edge);
+    const seen = [...about.shown, ...several.map((one) => one.edge && about.shown[one.of])];
     const ends = [about.x[0], about.x[about.x.length - 1]];
-    const whole = { x: about.logs[0] ? ends : [ends[0] - 0.5, ends[1] + 0.5], y: about.range || extent(data, about.shown, about.logs[1]) };
+    const whole = { x: about.logs[0] ? ends : [ends[0] - 0.5, ends[1] + 0.5], y: about.range || extent(data, seen, about.logs[1]) };
     const fixed = (chart, low, high, key) => (low === null || low === high ? whole[key] : [low, high]);
     const scale = (log) => ({ time: false, auto: false, range: fixed, ...(log ? { distr: 3 } : {}) });
     const series = about.curves.map((curve, n) => ({
@@ -130,19 +151,24 @@ const himapChart = (() => {
       height: about.height,
       legend: { show: false },
       focus: { alpha: 0.15 },
-      cursor: { sync: { key: about.key, scales: ["x", null] }, drag: { x: true, y: true, uni: 30 }, points: { size: 7 } },
+      cursor: { sync: { key: about.key, scales: ["x", null] }, drag: { x: true, y: true, uni: 30 }, points: { size: (chart, n) => (n < first ? 7 : 0) } },
       scales: { x: { ...scale(about.logs[0]), min: whole.x[0], max: whole.x[1] }, y: { ...scale(about.logs[1]), min: whole.y[0], max: whole.y[1] } },
       axes: [axis(about.labels[0], about.logs[0], colours, false), axis(about.labels[1], about.logs[1], colours, true)],
-      series: [{}, ...series],
+      series: [{}, ...series, ...several.map((one) => one.series)],
+      bands: edges.flatMap((one, k) => (k % 2 ? [{ series: [one, edges[k - 1]].map((edge) => first + several.indexOf(edge)), fill: `${legible(about.curves[one.of].color, dark)}40` }] : [])),
       hooks: { setCursor: [about.moved], drawClear: about.band ? [(chart) => band(chart, colours)] : [] },
     };
     const chart = new uPlot(options, data, about.place);
     chart.himapWhole = whole;
+    chart.himapSeries = about.curves.map((_, n) => [n + 1, ...several.flatMap((one, k) => (one.of === n ? [first + k] : []))]);
     chart.setScale("x", { min: whole.x[0], max: whole.x[1] });
     chart.setScale("y", { min: whole.y[0], max: whole.y[1] });
     chart.over.addEventListener("dblclick", () => reset(chart));
     return chart;
   }
+
+  /* A curve and its spread. */
+  const show = (chart, n, shown) => chart.batch(() => chart.himapSeries[n].forEach((at) => chart.setSeries(at, { show: shown })));
 
   const reset = (chart) => chart.batch(() => ["x", "y"].forEach((key) => {
     chart.setScale(key, { min: chart.himapWhole[key][0], max: chart.himapWhole[key][1] });
@@ -158,5 +184,5 @@ const himapChart = (() => {
     chart.setScale("x", { min: Math.max(first, limits[0]), max: Math.min(last, limits[1]) });
   }
 
-  return { draw, legible, reset, text, zoom };
+  return { draw, legible, reset, show, text, zoom };
 })();
