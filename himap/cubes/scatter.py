@@ -18,8 +18,8 @@ PERCENTILES = (16, 50, 84)
 """Of the members: the ends of the band, and the median between them."""
 
 _TEXT = (
-    "Each thin line is a restart, whose start differs by 1e-10; the thick line is their median, and dashed "
-    "are their 16 and 84 %. They differ in foreground residual or signal loss. "
+    "Each thin line is a restart, whose start differs by 1e-10; the thick line is their median, and the band "
+    "is from their 16 to their 84 %. They differ in foreground residual or signal loss. "
     "The one that was written is the medoid, whose residual is nearest to those of all others. What all "
     "restarts have in common is not seen here."
 )
@@ -84,16 +84,7 @@ def scatter_table(scatter):
 
 def scatter_parts(scatter):
     """Parts of a page: both spectra of all members with their median and band, and the table."""
-    panels = []
-    for kind, x in scatter.x.items():
-        low, median, high = scatter.percentiles(kind)
-        look, edge = {"color": styles.BLUE}, {"linestyle": "--", "linewidth": 0.8}
-        curves = [
-            (x, median, look | {"label": "median"}),
-            (x, low, look | edge | {"label": "16 and 84 %"}),
-            (x, high, look | edge | {"label": "_84 %"}),
-        ]
-        members = (x, scatter.powers[kind], {"color": "0.6", "linewidth": 0.5, "label": "restarts"})
-        panels.append(panel(kind, curves, bundles=[members]))
-    picture = plotting.lines(panels)
-    return [figure(picture, "Spectra of restarts", _TEXT, title="Restarts"), scatter_table(scatter)]
+    look = {"label": "restarts", "color": styles.BLUE}
+    panels = [panel(kind, [(x, scatter.powers[kind], look)]) for kind, x in scatter.x.items()]
+    picture = figure(plotting.lines(panels), "Spectra of restarts", _TEXT, title="Restarts")
+    return [picture, scatter_table(scatter)]
