@@ -10,6 +10,7 @@ from himap.core.checks import real_array
 from himap.core.errors import InputError
 from himap.core.reading import format_of, mapped_array, read_array, regular_file
 from himap.cubes import fits, hdf5
+from himap.cubes.axes import pixel_axis
 from himap.cubes.layout import Layout, check_cube_room, same_freqs
 from himap.maps import sphere
 from himap.maps.healpix_io import to_ring
@@ -29,9 +30,8 @@ def weight_datasets(path, weights, flags):
     names = set()
     for name, given in {"weights": weights, "flags": flags}.items():
         with suppress(OSError, ValueError):
-            names |= (
-                {name} if isinstance(given, str | os.PathLike) and os.path.samefile(path, given) else set()
-            )
+            if isinstance(given, str | os.PathLike) and os.path.samefile(path, given):
+                names.add(name)
     return names
 
 
@@ -118,13 +118,10 @@ def _by_channel(label, values, pixels):
     if values.ndim - len(shape) not in (0, 1) or not fits_in:
         one = "one map, n_pix = 12 nside^2" if on_sphere else f"an image of the cube, {shape}"
         raise InputError(f"{label} must have the shape of {one}, or of one a channel, got {values.shape}.")
-    return _pixels_last(np.atleast_2d(values)) if on_sphere else values.reshape(-1, shape[0] * shape[1])
-
-
-def _pixels_last(maps):
-    """`maps` as (n_channels, n_pix): the larger of the two sizes that a sphere can have is the pixels."""
-    sizes = sphere_sizes(maps.shape)
-    return maps if sizes and maps.shape[1] == max(sizes) else maps.T
+    if not on_sphere:
+        return values.reshape(-1, shape[0] * shape[1])
+    maps = np.atleast_2d(values)
+    return maps if pixel_axis(maps.shape)[0] == 1 else maps.T
 
 
 def _read(path, word, layout):
