@@ -105,8 +105,7 @@ def _cube_and_beams(asked, remover):
     check_pixels(cube, remover)
     if asked.mask is not None:
         cube = cube.masked(asked.mask, rotate=asked.rotate)
-    if cube.weights is not None:
-        cube = with_enough_channels(cube, remover, peaks=asked.peaks)
+    cube = with_enough_channels(cube, remover, peaks=asked.peaks)
     _tell(asked, *cube.said)
     if asked.beam is None:
         return cube, None
