@@ -137,18 +137,23 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     cube = cleaned.cube
     _ = cube.nside  # refuses an image in the plane
     drawn = beams is not None and cube.whole_sky and cube.missing is None and len(cube.freqs) > N_SMOOTH
-    parts, draw = Parts.of(cleaned), None
+    parts, before = Parts.of(cleaned), cleaned.separation
     members, in_parts, mock_powers = _analysed(cube, parts, mocks), [], []
     with TemporaryDirectory() as folder:
         if drawn:  # all mocks are looked at twice
             members = [_in_files(Path(folder) / str(n), arrays) for n, arrays in enumerate(members)]
-            draw = _draws(cleaned, [alms for alms, *_ in members], beams) if members else None
+            # With nothing that is known of the data already, so that these do not keep their modes.
+            data = replace(cleaned.data, weights=None, beams=beams, seed=None, known={})
+            lmax = min(3 * cube.nside, data.beams.shape[1]) - 1
+            fields = (sphere.alms_upto(alms, lmax) for alms, *_ in members)
+            foreground = foreground_given(data, products_of(fields, lmax)) if members else None
         for n, (alms, mock, powers) in enumerate(members):
             if any(np.array_equal(powers, others) for others in in_parts):
                 raise InputError(f"mocks must differ, and number {n + 1} is one of those before it.")
-            # Of another stream than the mock, which may be drawn from the same number.
-            rng = np.random.default_rng(np.random.SeedSequence(n, spawn_key=(1,)))
-            mock_powers.append(_member_power(cleaned, mock, alms, None if draw is None else draw(rng)))
+            if drawn:  # from another stream than the mock, which may be drawn from the same number
+                rng = np.random.default_rng(np.random.SeedSequence(n, spawn_key=(1,)))
+                before = foreground.draw(data, rng)
+            mock_powers.append(_member_power(cleaned, mock, alms, before))
             in_parts.append(np.array(powers))
     return CubeTransfer(mocks=tuple(mock_powers), drawn=drawn, parts=parts, powers=np.array(in_parts))
 
@@ -184,25 +189,12 @@ def _in_files(path, arrays):
     return [np.load(file, mmap_mode="r") for file in files]
 
 
-def _draws(cleaned, fields, beams):
-    """A function of a Generator that draws the foreground of a `CleanedCube`, a `Separation`.
-
-    `fields` are the coefficients of the mocks.
-    """
-    # With nothing that is known of the data already, so that these do not keep their modes.
-    data = replace(cleaned.data, weights=None, beams=beams, seed=None, known={})
-    lmax = min(3 * cleaned.cube.nside, data.beams.shape[1]) - 1
-    known = foreground_given(data, products_of((sphere.alms_upto(one, lmax) for one in fields), lmax))
-    return lambda rng: known.draw(data, rng)
-
-
-def _member_power(cleaned, mock, alms, before=None):
+def _member_power(cleaned, mock, alms, before):
     """The `MockPower` of a mock with the coefficients `alms` as a member of the bootstrap.
 
-    Its foreground is that of the `Separation` `before`, or the one that was estimated.
+    Its foreground is that of the `Separation` `before`.
     """
-    cube, before = cleaned.cube, cleaned.separation if before is None else before
-    after = cleaned.resampled(mock, before).separation
+    cube, after = cleaned.cube, cleaned.resampled(mock, before).separation
     alms = alms if after.lmax is None else sphere.alms_upto(alms, after.lmax)
     if cube.missing is None:
         return mock_power_of_change(cube, mock, alms, before, after)
