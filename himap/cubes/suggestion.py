@@ -163,12 +163,10 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     remover = method_for(cube, method, beams=beams, n_sources=int(counts[-1]), **parameters)
     cleaning = cleaning_of(cube, remover, beams, peaks=peaks)
     weights = [None] * n_channels if cube.weights is None else np.broadcast_to(cube.weights, cube.maps.shape)
-    separations, variances, spectra, near = {}, [], [], None
+    variances, spectra, near = [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = cleaning.with_sources(int(count))
         near = near or analysed(cleaned)
-        if cube.weights is not None:
-            separations[count] = cleaned.separation
         pairs = zip(cleaned.residual, weights, strict=True)
         variances.insert(0, [np.cov(channel, aweights=some, ddof=0) for channel, some in pairs])
         spectra.insert(0, scales(cube, spectra_of(cleaned, near)))
@@ -184,7 +182,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     # The edge of a part of the sky would exceed the line too, once maps are re-convolved.
     at_one = knows_beam and cube.whole_sky
     if cube.weights is not None:  # what more sources than that make of noise in a gap would exceed the line
-        best = separations[counts[criterion.argmin()]]
+        best = cleaning.with_sources(int(counts[criterion.argmin()])).separation
         values = np.linalg.eigvalsh(seen_covariance(cube.maps, cube.weights, best))[::-1]
     elif at_one:
         lmax = min(2 * cube.nside, beams.shape[1] - 1)
