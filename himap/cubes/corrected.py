@@ -150,9 +150,8 @@ def write_spectra(corrected, path, scatter=None):
         each = np.eye(len(one.x))
         columns = {"residual": one.residual, "transfer_function": one.share, "corrected": one.corrected}
         columns |= {"sigma": one.sigma(each), "sample": one.sigma(each, "sample")}
-        names = "expected", "systematic", "truth"
-        columns |= {name: getattr(one, name) for name in names}
-        columns |= {} if one.drawn else {"systematic": np.nan}
+        systematic = one.systematic if one.drawn else np.nan
+        columns |= {"expected": one.expected, "systematic": systematic, "truth": one.truth}
         columns |= {f"error_{n}": errors for n, errors in enumerate(one.errors, 1)}
         columns |= {} if scatter is None else scatter.columns(kind, one.x)
         tables.append(pd.DataFrame({"spectrum": kind, "x": one.x, **columns}))

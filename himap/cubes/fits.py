@@ -8,6 +8,7 @@ file or in a folder, are the channels of one cube if they share the axes of the 
 import warnings
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from astropy import units as u
@@ -67,10 +68,7 @@ def _read_table(path, held, logical):
 
 def _layout(path, maps, files, labels, **stated):
     """The `Layout` of the maps (n_channels, n_pix) of each `HealpixFile`; errors call them `labels`."""
-
-    def same(what, values):
-        return only_value(path, what, values, labels)
-
+    same = partial(only_value, path, names=labels)
     first, *others = (file.header for file in files)
     about = plain_pairs({key: value for key, value in first.items() if not STRUCTURE.fullmatch(key)})
     same("spectral frame", [spectral_frame_of(file.header.get("SPECSYS")) for file in files])

@@ -219,14 +219,14 @@ def plain_pairs(pairs, left_out=()):
     return {key: value for key, value in plain if key.lower() not in {*left_out, *OURS}}
 
 
-def only_value(path, what, values, names=()):
+def only_value(path, what, values, names):
     """The value that all maps in `path` have, None where none is stated.
 
     `what` it is, and the `names` of the maps, are for the InputError where they differ.
     """
     first = {value: n for n, value in reversed([*enumerate(values)])}
     if len(first) > 1:
-        each = (f"{values[n]} ({names[n]})" if names else str(values[n]) for n in sorted(first.values()))
+        each = (f"{values[n]} ({names[n]})" for n in sorted(first.values()))
         raise InputError(f"the maps in {path} must have one {what}, got {', '.join(each)}.")
     return values[0]
 
