@@ -252,33 +252,29 @@ def suggestion_table(suggestion):
 
 def views_figure(suggestion):
     """The three views of a `Suggestion`."""
-    number = np.arange(1, len(suggestion.eigenvalues) + 1)
-    common = {"xlabel": "number of sources", "legend": {"fontsize": 8.5}}
+    number, counts = np.arange(1, len(suggestion.eigenvalues) + 1), suggestion.n_sources
     blue, orange = {"color": styles.BLUE, "marker": "o"}, {"color": styles.VERMILION}
-    curves = [
+    dashed = {"color": "black", "linestyle": "--"}
+    eigenvalues = [
         (number, suggestion.eigenvalues, orange | {"label": "of the cube"}),
-        (number, suggestion.line, {"color": "black", "linestyle": "--", "label": "HI and noise"}),
+        (number, suggestion.line, dashed | {"label": "HI and noise"}),
     ]
+    title = "Eigenvalues" + " at one resolution" * suggestion.at_one_resolution
     panels = [
-        panel(
-            "eigenvalues", curves, title="Eigenvalues" + " at one resolution" * suggestion.at_one_resolution
-        ),
-        common
-        | {
+        panel("eigenvalues", eigenvalues, title=title),
+        {
             "title": "Information criterion",
+            "xlabel": "number of sources",
             "ylabel": "BIC per voxel, less its least",
             "yscale": "symlog",
-            "curves": [(suggestion.n_sources, suggestion.criterion, blue)],
+            "curves": [(counts, suggestion.criterion, blue)],
         },
-        common
-        | {
+        {
             "title": "Change of the spectra with one more",
+            "xlabel": "number of sources",
             "ylabel": "mean relative change",
             "yscale": "log",
-            "curves": [
-                (suggestion.n_sources[:-1], suggestion.change, blue),
-                (suggestion.n_sources[[0, -2]], np.full(2, STABLE), {"color": "black", "linestyle": "--"}),
-            ],
+            "curves": [(counts[:-1], suggestion.change, blue), (counts[[0, -2]], [STABLE] * 2, dashed)],
         },
     ]
     return plotting.lines(panels, columns=3, size=(4, 3.4))
