@@ -282,11 +282,16 @@ class TestAttributes:
         with pytest.raises(InputError, match="a.h5 has pixels in an order of its own, pix"):
             read_cube("a.h5")
 
+    @pytest.mark.parametrize("name", [None, "mine"])
     @pytest.mark.parametrize("turned", [False, True])
-    def test_frequencies_say_which_axis_is_theirs(self, turned, rng):
-        """Where both could be the pixels of a sphere."""
+    def test_frequencies_say_which_axis_is_theirs(self, turned, name, rng):
+        """Where both could be the pixels of a sphere; those that are named as well."""
         maps = rng.standard_normal((192, 48)).astype("f4")
-        cube = read_cube(self.write(maps.T if turned else maps, 900 + np.arange(192.0), order="RING"))
+        path = self.write(maps.T if turned else maps, 900 + np.arange(192.0), order="RING")
+        if name is not None:
+            with h5py.File(path, "a") as file:
+                file.move("freqs", name)
+        cube = read_cube(path, freqs_name=name)
         assert np.array_equal(cube.maps, maps) and not cube.remarks
 
 

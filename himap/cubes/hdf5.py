@@ -54,7 +54,7 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
                     f"{item.name[1:]} in {path} must be (n_channels, n_pix) with n_pix = 12 nside^2, got "
                     f"{item.shape}."
                 )
-            is_freqs = [n in _frequencies_in(file).values() for n in item.shape]
+            is_freqs = [n in _frequencies_in(file, freqs_name).values() for n in item.shape]
             if axes is None and sum(is_freqs) == 1:
                 axes = "freq,pixel" if is_freqs[0] else "pixel,freq"
             pixels, remarks = pixel_axis(item.shape, axes)
@@ -106,20 +106,23 @@ def read_dataset(path, word, *, held=1):
         return values, file.stated(item) | _freqs_of(file, None, min(values.shape, default=0))
 
 
-def _frequencies_in(file):
-    """{name: how many} of the datasets that are named as frequencies are."""
-    lines = {name: len(item) for name, item in file.arrays.items() if item.ndim == 1}
-    return {name: n for name, n in lines.items() if access.last_part(name) in {*_FREQUENCIES, *_IN_UNIT}}
+def _frequencies_in(file, name):
+    """{dataset: how many} frequencies, of the one called `name`, or for None of all that are named so."""
+    if name is not None:
+        items = {name: file.get(name, "--freqs-name")}
+    else:
+        known = {*_FREQUENCIES, *_IN_UNIT}
+        items = {each: item for each, item in file.arrays.items() if access.last_part(each) in known}
+    return {each: len(item) for each, item in items.items() if item.ndim == 1}
 
 
 def _freqs_of(file, name, n_channels):
     """What a `Layout` has of frequencies, in MHz: those and what states them, a dict."""
-    if name is not None and file.get(name, "--freqs-name").shape != (n_channels,):
+    lines, named = _frequencies_in(file, name), {}
+    if name is not None and lines.get(name) != n_channels:
         raise InputError(
             f"{file.path} must have a dataset {name} of {n_channels} frequencies; it has {file.listing()}."
         )
-    lines = {name: n_channels} if name else _frequencies_in(file)
-    named = {}
     for dataset in (dataset for dataset, n in lines.items() if n == n_channels):
         unit = access.text_of(file.arrays[dataset], *access.UNITS)
         unit = unit or _IN_UNIT.get(access.last_part(dataset), "MHz")
