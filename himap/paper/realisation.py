@@ -128,43 +128,41 @@ class Realisation:
             if name in BSS or case not in CLIPPED.values()
         }
 
+    def _changed(self, beam, **changed):
+        """Arguments of `cleaned.assessment` for SDecGMCA, or what is in its place, with other options."""
+        case, peaks = self.cases[beam]
+        return case, beam_aware_for(case.beam, self.method, **self._options | changed), peaks
+
     def _beyond(self, beam):
-        """Arguments of `cleaned.assessment` for SD beyond l = 200; itself where it has no such option."""
-        call = observed, method, *_ = self.calls(beam)["sdecgmca"]
-        if not hasattr(method, "beyond"):
+        """The same for SD beyond l = 200; itself where it has no such option."""
+        call = self._changed(beam)
+        if not hasattr(call[1], "beyond"):
             return call
         try:
-            return observed, self._in_place(observed.beam, beyond="regularised"), True
+            return self._changed(beam, beyond="regularised")
         except InputError:  # its last S has no regularisation that could be carried on
-            return observed, self._in_place(observed.beam, beyond="projection"), True
+            return self._changed(beam, beyond="projection")
 
     def scan_calls(self):
         """{n_sources: arguments of `cleaned.assessment`}."""
-        case = self.cases["oscillating"][0]
-        return {n: (case, self._in_place(case.beam, n_sources=n), True) for n in self.n_sources}
+        return {n: self._changed("oscillating", n_sources=n) for n in self.n_sources}
 
     def _settings(self):
         """{setting of SDecGMCA's regularisation: arguments of `cleaned.assessment`}, its own among them.
 
         Empty for a method that has no such settings; settings that agree are one.
         """
-        call = case, method, *_ = self.calls("oscillating")["sdecgmca"]
-        if not hasattr(method, "coefficients"):
+        own = self._changed("oscillating")
+        if not hasattr(own[1], "coefficients"):
             return {}
         changes = {f"c = {c:g}": {"regularisation": c} for c in REGULARISATIONS}
         changes |= {f"strategy {n}": {"coefficients": name} for name, n in STRATEGIES.items()}
-        other = {label: self._in_place(case.beam, **changed) for label, changed in changes.items()}
-        own = {label: one for label, one in other.items() if one != method}
-        return {"as it is": call} | {label: (case, one, True) for label, one in own.items()}
+        calls = {label: self._changed("oscillating", **changed) for label, changed in changes.items()}
+        return {"as it is": own} | {label: call for label, call in calls.items() if call != own}
 
     def _restarts(self, n):
         """Arguments of `cleaned.assessment` for this start and those after it, `n` in all, a list."""
-        case, *_ = call = self.calls("oscillating")["sdecgmca"]
-        others = [self._in_place(case.beam, restart=self.restart + one) for one in range(1, n)]
-        return [call, *((case, method, *call[2:]) for method in others)] if n else []
-
-    def _in_place(self, beam, **changed):
-        return beam_aware_for(beam, self.method, **self._options | changed)
+        return [self._changed("oscillating", restart=self.restart + k) for k in range(n)]
 
     @cached_property
     def _options(self):
