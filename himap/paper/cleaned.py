@@ -126,7 +126,7 @@ def assessment(case, remover, mask_peaks=True):
     truth, spectra, cut = pipeline.truth(case), pipeline.true_spectra(case), None
     low, alms = truth, pipeline.truth_alms_of(case)
     if lmax is not None:
-        low, alms = _truth_upto(case, lmax)
+        low, alms = pipeline.truth(case, lmax), pipeline.truth_alms(case, lmax)
         cut = pipeline.spectra_of(low, alms, case.survey)
     moments, errors = Moments.of(low, wrong), line_errors(wrong)
     correlation = moments.correlation
@@ -147,12 +147,6 @@ def assessment(case, remover, mask_peaks=True):
     )
 
 
-def _truth_upto(case, lmax):
-    """The truth up to `lmax`, and its coefficients."""
-    alms = pipeline.truth_alms(case, lmax)
-    return sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="truth"), alms
-
-
 @product
 def post_masked(case, remover, mask_peaks=True):
     """`PowerSpectra` of residual and truth without the lines of sight whose error stands out, a pair.
@@ -169,7 +163,7 @@ def post_masked(case, remover, mask_peaks=True):
         frequency=frequency_power_without(total, removed, width, truth),
     )
     if lmax is not None:  # a mask mixes multipoles
-        truth, alms = _truth_upto(case, lmax)
+        truth, alms = pipeline.truth(case, lmax), pipeline.truth_alms(case, lmax)
         seen = masked_alms(truth, mask=~removed, alms=sphere.alms_padded(alms, case.survey.lmax))
     total = known.power_spectra.frequency
     recovered = PowerSpectra(
@@ -204,7 +198,7 @@ def compared(*call, masked=False, average="means"):
 
 
 def make(work):
-    """Make what is missing of products, [(product, arguments)], several at a time; returns how many.
+    """Make what is missing of products, [(product, arguments)], several at a time.
 
     They are begun in this order. The first argument is a `pipeline.Case`, or the `Survey` of a sky.
 
@@ -222,7 +216,6 @@ def make(work):
         masked = [(pipeline.peak_masked, (case,)) for case in cases]
         make_all(masked, "observations", at_once=fitting(survey, "observing"))
     make_all(missing, "results")
-    return len(missing)
 
 
 def make_hi(skies):
@@ -243,10 +236,8 @@ def make_by_case(work):
         sky, case = (None, None) if dask_address() else (getattr(case, "survey", case).sky, case)
         if not wanted.is_cached(*call):
             skies.setdefault(sky, {}).setdefault(case, []).append((wanted, call))
-    n_made = 0
     for by_case in skies.values():
         with temporary(*pipeline.OF_SKIES):
             for pieces in by_case.values():
                 with temporary(*pipeline.OF_CASES, fit, separation):
-                    n_made += make(pieces)
-    return n_made
+                    make(pieces)
