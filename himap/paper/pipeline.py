@@ -155,12 +155,10 @@ def signal(case, mask_peaks=True, lmax=None):
     masking took; (n_channels, n_pix) float32, mK, not kept.
     """
     observed = observation(case)
-    maps = np.empty(observed.truth.shape, dtype=np.float32)
-    for row, *parts in zip(maps, basis(case, mask_peaks), observed.maps, observed.truth, strict=True):
-        given, seen, true = parts
-        np.subtract(given, seen, out=row)  # first, for both are far brighter than HI
-        row += true
-        row[:] = row - row.mean(dtype=np.float64)
+    # What is far brighter than HI comes first, and cancels.
+    maps = (basis(case, mask_peaks) - observed.maps).astype(np.float32, copy=False)
+    maps += observed.truth
+    maps -= maps.mean(axis=1, keepdims=True, dtype=np.float64)
     return maps if lmax is None else cut_cube(maps, lmax)
 
 
