@@ -85,16 +85,9 @@ def mock_alms(case, mock, lmax=None):
     """
     if mock.seed == case.survey.seed:
         raise InputError(f"a mock must be of another sky than the data, got the seed {mock.seed} for both.")
-    survey = replace(case.survey, seed=mock.seed)
-    alms = pipeline.truth_alms(replace(case, survey=survey), lmax)
-    if mock != Mock(seed=mock.seed):
-        windows = case.beam.of_survey(survey).total
-        pairs = zip(hi_alms_of_mock(survey.sky, mock), pipeline.hi_alms_of_sky(survey.sky), strict=True)
-        for (own, usual), window, out in zip(pairs, windows, alms, strict=True):
-            more = sphere.alms_upto(own - usual, sphere.lmax_of_size(len(out)))
-            out += sphere.multiply_beam(more, window)
-        alms[:, 0] = 0
-    return alms
+    other = replace(case, survey=replace(case.survey, seed=mock.seed))
+    hi = None if mock == Mock(seed=mock.seed) else hi_alms_of_mock(other.survey.sky, mock)
+    return pipeline.truth_alms(other, lmax, hi=hi)
 
 
 @product

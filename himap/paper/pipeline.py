@@ -219,15 +219,19 @@ def hi_seen(case):
     return sphere.synthesise_cube(alms, survey.nside, n_channels=survey.n_channels, label="HI")
 
 
-def truth_alms(case, lmax=None, channels=slice(None)):
-    """Coefficients of the truth less its channel means, to 3 nside - 1 or `lmax`; complex64, not kept."""
-    return truth_alms_of(case, lmax)(channels)
+def truth_alms(case, lmax=None, channels=slice(None), *, hi=None):
+    """Coefficients of the truth less its channel means, to 3 nside - 1 or `lmax`; complex64, not kept.
+
+    `hi` are those of HI before the beam, if not `hi_alms_of_sky`.
+    """
+    return truth_alms_of(case, lmax, hi)(channels)
 
 
-def truth_alms_of(case, lmax=None):
+def truth_alms_of(case, lmax=None, hi=None):
     """A function that makes the `truth_alms` of a slice of channels."""
     windows = case.beam.of_survey(case.survey)
-    sky, noise = hi_alms_of_sky(case.survey.sky), noise_alms(case.survey)
+    sky = hi_alms_of_sky(case.survey.sky) if hi is None else hi
+    noise = noise_alms(case.survey)
     lmax = case.survey.lmax if lmax is None else min(lmax, case.survey.lmax)
     total, resmoothing = windows.total, windows.resmoothing
 
