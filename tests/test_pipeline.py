@@ -55,6 +55,11 @@ def test_readings_of_the_noise_share_the_sky():
         assert pipeline.true_spectra(case).angular.cl[-1, inside] == pytest.approx(expected, rel=0.03)
 
 
+def test_coefficients_of_the_truth_end_where_asked():
+    alms = pipeline.truth_alms(CASE, 10)
+    assert np.array_equal(alms, sphere.alms_upto(pipeline.truth_alms(CASE), 10))
+
+
 def test_the_analysis_of_an_observation_is_shared(monkeypatch):
     """By methods and numbers of sources; maps with their peaks have one of their own."""
     cleaned.separation(CASE, SDecGMCA(n_sources=2))

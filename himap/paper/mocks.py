@@ -75,7 +75,7 @@ def _without_phases(alms, rng):
     return harmonic.from_modes(modes).astype(alms.dtype)
 
 
-def mock_alms(case, mock, lmax=None):
+def mock_alms(case, mock):
     """Coefficients of a mock through the beam of a case, less channel means, (n_channels, n_alm) complex64.
 
     Raises
@@ -87,7 +87,7 @@ def mock_alms(case, mock, lmax=None):
         raise InputError(f"a mock must be of another sky than the data, got the seed {mock.seed} for both.")
     other = replace(case, survey=replace(case.survey, seed=mock.seed))
     hi = None if mock == Mock(seed=mock.seed) else hi_alms_of_mock(other.survey.sky, mock)
-    return pipeline.truth_alms(other, lmax, hi=hi)
+    return pipeline.truth_alms(other, hi=hi)
 
 
 @product
