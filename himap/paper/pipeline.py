@@ -18,7 +18,8 @@ from himap.instrument.noise import noise_maps
 from himap.instrument.observe import observe
 from himap.maps import sphere
 from himap.maps.low_rank import HarmonicModes, centred, projection
-from himap.measures.spectra import AngularPower, PowerSpectra, frequency_power
+from himap.measures.low_rank_spectra import masked_power
+from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.removal import harmonic, peaks
 from himap.removal.analysis import cube_modes
 from himap.removal.covariance import channel_covariance
@@ -264,7 +265,5 @@ def true_spectra(case):
 
 def spectra_of(maps, alms, survey):
     """`PowerSpectra` of a cube (n_channels, n_pix), mK, of a survey, whose coefficients are at hand."""
-    cl = sphere.power_spectrum(alms)
-    angular = AngularPower(degrees=np.arange(cl.shape[1], dtype=float), cl=cl)
     frequency = frequency_power(maps, survey.channel_width, taper=survey.taper)
-    return PowerSpectra(angular=angular, frequency=frequency)
+    return PowerSpectra(angular=masked_power(alms), frequency=frequency)

@@ -233,11 +233,9 @@ class Realisation:
         paper, survey = PRESETS["paper"], self.survey
         wider = survey.channel_width / paper.channel_width
         scale = np.sqrt(wider) if survey.noise_reading == "variance" else wider
-        cl = noise.angular.cl * scale * (survey.nside / paper.nside) ** 2
-        power = noise.frequency.power * scale / wider
-        frequency = replace(noise.frequency, power=power)
-        noise = replace(noise, angular=replace(noise.angular, cl=cl), frequency=frequency)
-        return Comparison.of(noise, hi, l_top=2 * survey.nside, average=self.average)
+        found = Comparison.of(noise, hi, l_top=2 * survey.nside, average=self.average)
+        angular = found.angular * scale * (survey.nside / paper.nside) ** 2
+        return replace(found, angular=angular, frequency=found.frequency * scale / wider)
 
     def without_sources(self):
         """`Comparison` of the parametric fit on the degraded case of a sky without point sources.
