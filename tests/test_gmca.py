@@ -14,9 +14,9 @@ from himap.cubes import read_cube, suggest
 from himap.maps import sphere
 from himap.maps.starlets import PlaneStarlets, starlet_filters
 from himap.removal.base import SeparationWarning
+from himap.removal.compiled import deviation, median, ranked, sparse
 from himap.removal.gmca import GMCA
 from himap.removal.pca import PCA
-from himap.removal.thresholds import deviation, median, ranked, sparse
 
 NSIDE = 16
 N_PIX = 12 * NSIDE**2

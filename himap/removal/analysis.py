@@ -45,7 +45,7 @@ class DegreeModes:
 
     def __matmul__(self, columns):
         # Imported here: most methods need no numba, which takes a second.
-        from himap.removal.products import add_products
+        from himap.removal.compiled import add_products
 
         product = self.spectra @ (self.bright @ columns)
         rest = np.ascontiguousarray(self.rest)

@@ -12,9 +12,9 @@ from himap.maps.starlets import bands_of, noise_of_scales, starlet_filters
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.blurred_mixture import BlurredMixture, noise_per_mode
+from himap.removal.compiled import NORMAL, median, sparse
 from himap.removal.separation import ordered
 from himap.removal.spectral_filter import through_beams
-from himap.removal.thresholds import NORMAL, median, sparse
 
 _SETTLED = 1e-4  # relative change of the misfit at which the iteration stops
 _ROUNDING = 1e-13  # of the power of the data: a misfit below is that of float32 maps without HI and noise

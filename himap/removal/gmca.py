@@ -10,10 +10,10 @@ from himap.maps import sphere
 from himap.maps.low_rank import SplitCube, projection
 from himap.maps.starlets import PlaneStarlets, bands_of, starlet_filters
 from himap.removal.base import ForegroundRemover, Separation, parameter
+from himap.removal.compiled import sparse
 from himap.removal.covariance import bright_axes, channel_covariance, principal_axes
 from himap.removal.harmonic import safe_inverse
 from himap.removal.separation import ordered
-from himap.removal.thresholds import sparse
 
 _RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
 

@@ -5,7 +5,7 @@ import numpy as np
 from himap.maps import sphere
 from himap.maps.starlets import bands_of, cubic_b_spline, noise_of_scales, starlet_low_passes
 from himap.removal import harmonic
-from himap.removal.thresholds import deviation, shrink
+from himap.removal.compiled import deviation, shrink
 
 _N_ITER = 3  # refinements of the quadrature in C21's code
 

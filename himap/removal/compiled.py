@@ -1,10 +1,10 @@
-"""Medians and thresholds of sparse coefficients, which are half of the work of methods that use wavelets.
+"""Compiled loops: medians and thresholds of sparse coefficients, and products without a copy.
 
-A number is found by its rank through a histogram of the leading bits of all, and a search among the few that
-share these: the same as numpy's partition, and quicker, since it passes over all of them only twice.
+Medians and thresholds are half of the work of methods that use wavelets. A number is found by its rank
+through a histogram of the leading bits of all, and a search among the few that share these: the same as
+numpy's partition, and quicker, since it passes over all of them only twice. Numbers are finite.
 
 All compiled functions that call each other are here: numba notices an edit of the file that a function is in.
-Numbers are finite.
 """
 
 import math
@@ -113,3 +113,16 @@ def shrink(scale, cut, share, least_kept, last, reweighted):
             scale[i] = 0
         elif sizes[i] > limit:
             scale[i] -= np.copysign(limit, scale[i])
+
+
+# Sums in any order, as in BLAS: their last bits depend on the processor, but not on the number of threads.
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def add_products(rows, others, out):
+    """Add ``rows @ others.T`` of (n, m) float32 and a few others, (k, m): BLAS would copy the rows first."""
+    for i in range(rows.shape[0]):
+        row = rows[i]
+        for j in range(others.shape[0]):
+            other, total = others[j], 0.0
+            for k in range(row.size):
+                total += row[k] * other[k]
+            out[i, j] += total
