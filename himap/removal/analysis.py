@@ -22,16 +22,20 @@ _FINE = 64  # nside from which plain quadrature is good to 0.2 % of a coefficien
 
 
 @dataclass(frozen=True, kw_only=True)
-class DegreeModes:
-    """The modes X_l of all channels at one l, mK, ``spectra @ bright + rest`` as in `CubeModes`.
+class SplitModes:
+    """Real modes (`himap.removal.harmonic`) of all channels, mK, ``spectra @ bright + rest``.
 
     They know two products, ``rows @ modes`` and ``modes @ columns``, in float64 without the sum in memory;
-    `numpy.array` makes the sum, (n_channels, 2 l + 1) float64.
+    `numpy.array` makes the sum, (n_channels, n_modes) float64.
 
     Attributes
     ----------
-    spectra, bright, rest
-        (n_channels, n_bright) and (n_bright, 2 l + 1), float64; (n_channels, 2 l + 1), float32.
+    spectra
+        Those of what is brighter than HI and noise, orthonormal, (n_channels, n_bright).
+    bright
+        The modes of their maps, (n_bright, n_modes) float64.
+    rest
+        Those of all else, (n_channels, n_modes) float32.
     """
 
     __array_ufunc__ = None  # so that numpy leaves products to this class
@@ -54,22 +58,12 @@ class DegreeModes:
 
     def __array__(self, dtype=None, copy=None):
         if copy is False:
-            raise ValueError("the modes of one l are a sum that is made when it is asked for: a copy")
+            raise ValueError("modes are a sum that is made when it is asked for: a copy")
         return np.asarray(self.spectra @ self.bright + self.rest, dtype=dtype)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CubeModes:
-    """Real modes (`himap.removal.harmonic`) of all channels, ``spectra @ bright + rest``.
-
-    Spectra are those of what is brighter than HI and noise, orthonormal, (n_channels, n_bright); `bright` are
-    the modes of their maps, (n_bright, n_modes) float64, `rest` those of all else, (n_channels, n_modes)
-    float32.
-    """
-
-    spectra: np.ndarray
-    bright: np.ndarray
-    rest: np.ndarray
+class CubeModes(SplitModes):
+    """The `SplitModes` of all l, to 3 nside - 1, (n_channels, 9 nside^2)."""
 
     @property
     def lmax(self):
@@ -84,9 +78,9 @@ class CubeModes:
         return modes
 
     def at(self, degree):
-        """The `DegreeModes` of one l, views."""
+        """The `SplitModes` of one l, views."""
         block = slice(degree**2, (degree + 1) ** 2)
-        return DegreeModes(spectra=self.spectra, bright=self.bright[:, block], rest=self.rest[:, block])
+        return SplitModes(spectra=self.spectra, bright=self.bright[:, block], rest=self.rest[:, block])
 
     def by_degree(self, lmax):
         """Copies of those of every l to `lmax`, a list, for products that are made again and again."""

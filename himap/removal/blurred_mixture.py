@@ -21,7 +21,7 @@ class BlurredMixture:
     ----------
     modes
         X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or a list with those of each l,
-        arrays or `DegreeModes`; or `CubeModes` to that l or further, whose modes of one l are made when they
+        arrays or `SplitModes`; or `CubeModes` to that l or further, whose modes of one l are made when they
         are needed, which takes less memory.
     beams
         H_l, (n_channels, lmax + 1).
