@@ -127,12 +127,12 @@ def cube_modes(maps, kept=None, covariance=None):
             if kept is None:
                 alm = sphere.analyse_closely(line, lmax, tolerance)
             else:
-                alm = inpaint_alm(scattered(line[None], kept)[0], kept, tolerance)
+                alm = inpaint_alm(scattered(line, kept), kept, tolerance)
             out[:] = harmonic.to_modes(alm)
         rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
         for channel, spectrum, out in zip(progress(maps, "analysis"), spectra, rest, strict=True):
             pixels = (channel - spectrum @ lines).astype(np.float32)
-            pixels = pixels if kept is None else scattered(pixels[None], kept)[0]
+            pixels = pixels if kept is None else scattered(pixels, kept)
             out[:] = harmonic.to_modes(sphere.analyse(pixels, lmax, n_iter=n_iter))
     return CubeModes(spectra=spectra, bright=bright, rest=rest)
 

@@ -128,7 +128,7 @@ class ForegroundRemover(ABC):
                 SeparationWarning,
                 stacklevel=stacklevel,
             )
-        return found if whole is data else found.moved(lambda lines: lines[:, data.grid])
+        return found if whole is data else found.moved(lambda lines: lines[..., data.grid])
 
     def check(self, n_channels):
         """InputError, before any work, for parameters that do not fit maps of `n_channels` channels."""

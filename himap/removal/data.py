@@ -232,9 +232,9 @@ def _refuse_dead_channels(label, maps, missing):
 
 
 def scattered(lines, kept):
-    """Lines of sight (n, n_kept) among all pixels, (n, n_pix), 0 elsewhere."""
-    out = np.zeros((len(lines), len(kept)), dtype=lines.dtype)
-    out[:, kept] = lines
+    """Lines of sight (..., n_kept) among all pixels, (..., n_pix), 0 elsewhere."""
+    out = np.zeros((*lines.shape[:-1], len(kept)), dtype=lines.dtype)
+    out[..., kept] = lines
     return out
 
 

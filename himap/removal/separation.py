@@ -80,13 +80,13 @@ class Separation:
         return residual
 
     def moved(self, move):
-        """The same of other pixels: ``move(lines)`` turns lines of sight (n, n_pix) into theirs."""
+        """The same of other pixels: ``move(lines)`` turns lines of sight (..., n_pix) into theirs."""
         low_rank, flagged = self.low_rank, self.flagged
         return replace(
             self,
             sources=move(self.sources),
             low_rank=None if low_rank is None else replace(low_rank, maps=move(low_rank.maps)),
-            flagged=None if flagged is None else move(flagged[None])[0],
+            flagged=None if flagged is None else move(flagged),
         )
 
 
