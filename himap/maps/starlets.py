@@ -1,11 +1,12 @@
 """Wavelets: starlets (isotropic, undecimated) on the sphere and in the plane, and needlets on the sphere."""
 
 import numpy as np
+from scipy import ndimage
 
 from himap.core.errors import InputError
 from himap.maps import sphere
 
-_B_SPLINE = 6 / 16, 4 / 16, 1 / 16  # the cubic B-spline at 0, 1 and 2 steps from its middle
+_B_SPLINE = np.array([1, 4, 6, 4, 1]) / 16  # the cubic B-spline at whole steps
 
 
 def starlet_filters(n_scales, lmax):
@@ -146,11 +147,8 @@ class PlaneStarlets:
 
 def _summed(images, step):
     """Images (..., n_y, n_x) under the kernel with taps `step` pixels apart; 0 lies beyond the border."""
+    kernel = np.zeros(4 * step + 1)
+    kernel[::step] = _B_SPLINE
     for axis in (-1, -2):
-        lines = np.moveaxis(images, axis, 0)
-        total = _B_SPLINE[0] * lines
-        for shift, weight in zip((step, 2 * step), _B_SPLINE[1:], strict=True):
-            total[shift:] += weight * lines[:-shift]
-            total[:-shift] += weight * lines[shift:]
-        images = np.moveaxis(total, 0, axis)
+        images = ndimage.correlate1d(images, kernel, axis=axis, output=np.float64, mode="constant")
     return images
