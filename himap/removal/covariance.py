@@ -9,7 +9,6 @@ from himap.maps.low_rank import blocks
 
 _BLOCK = 16384  # pixels: products that are bound by arithmetic, so that longer ones are no slower
 _BRIGHT = 1e3  # variance over that of HI and noise
-_RANK = 1e-10  # spectra below this share of the largest do not reach the last digit of float32
 
 
 def channel_covariance(maps):
@@ -45,12 +44,3 @@ def bright_axes(covariance, *, least=1):
     """
     values = np.linalg.eigvalsh(covariance)
     return principal_axes(covariance, max(least, int(np.sum(values > _BRIGHT * np.median(values)))))
-
-
-def common_axes(columns, least=_RANK):
-    """Orthonormal spectra that span some arrays of columns (n_channels, n), (n_channels, n_spectra).
-
-    Those below the share `least` of the largest are dropped.
-    """
-    axes, values, _ = np.linalg.svd(np.hstack(list(columns)), full_matrices=False)
-    return axes[:, values > least * values[0]]

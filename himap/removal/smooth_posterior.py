@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import linalg
 from scipy.stats import wishart
 
 from himap.core.errors import InputError
@@ -10,7 +11,6 @@ from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
 from himap.removal import harmonic
-from himap.removal.covariance import common_axes
 from himap.removal.smooth_spectra import (
     FilteredSeparation,
     faint_covariance,
@@ -18,7 +18,7 @@ from himap.removal.smooth_spectra import (
     signal_variance,
     smooth_seen,
 )
-from himap.removal.spectral_filter import SpectralFilter, filtered
+from himap.removal.spectral_filter import RANK, SpectralFilter, filtered
 
 N_SMOOTH = 6
 """Smooth functions of frequency: they hold any power law to the last digit of float32."""
@@ -93,20 +93,11 @@ class SmoothForeground:
 
     def mean(self, data):
         """The mean of the foreground given the data, and the filter that makes it, a `FilteredSeparation`."""
-        spectra, estimators, seen = [], [], smooth_seen(data, N_SMOOTH)
+        seen = smooth_seen(data, N_SMOOTH)
         edges = multipole_bands(len(seen) - 1)
-        for (first, last), faint, root, axes in zip(edges, self.faint, self.roots, self.axes, strict=True):
-            within = seen[first : last + 1] @ root @ axes
-            weighted = np.linalg.solve(faint, within)
-            precision = np.swapaxes(within, 1, 2) @ weighted + np.eye(axes.shape[1])
-            spectra.append(within)
-            estimators.append(np.linalg.solve(precision, np.swapaxes(weighted, 1, 2)))
-        linear = SpectralFilter(
-            spectra=np.concatenate(spectra),
-            estimators=np.concatenate(estimators),
-            faint=self.faint,
-            first=np.array(edges)[:, 0],
-        )
+        bands = zip(edges, self.roots, self.axes, strict=True)
+        spectra = [seen[first : last + 1] @ root @ axes for (first, last), root, axes in bands]
+        linear = SpectralFilter.wiener(spectra, self.faint, edges)
         mean = filtered(linear.spectra, linear.estimators, data.project, data.modes)
         return FilteredSeparation(
             mixing=mean.spectra, sources=mean.maps, low_rank=mean, filter=linear, means=data.means
@@ -214,7 +205,7 @@ def _axes(totals, n_modes, n_exact):
 def _with_scatter(mean, rng):
     """A `FilteredSeparation` with a foreground drawn from the posterior whose mean it has."""
     spectra = mean.filter.spectra
-    axes = common_axes(spectra)
+    axes = linalg.orth(np.hstack(list(spectra)), rcond=RANK)
     modes = np.zeros((axes.shape[1], len(spectra) ** 2))
     for degree, out in enumerate(harmonic.blocks(modes)[1:], 1):  # means are subtracted
         within = spectra[degree]

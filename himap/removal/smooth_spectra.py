@@ -12,7 +12,7 @@ from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered
-from himap.removal.spectral_filter import SpectralFilter, filtered
+from himap.removal.spectral_filter import SpectralFilter, filtered, wiener_estimators
 
 _INDEX = -2.7  # of the power law that the smooth functions vary about; it hardly matters
 _LEAST_WIDTH, _GROWTH = 5, 1.25  # of bands of multipoles
@@ -92,14 +92,8 @@ class SmoothSpectra(ForegroundRemover):
                     f"fewer, such as n_smooth={max(2, self.n_sources, self.n_smooth // 2)}, a wider band, or "
                     "another method."
                 ) from None
-        spectra, estimators, faint, amplitudes, converged, n_turns = zip(*bands, strict=True)
-        linear = SpectralFilter(
-            spectra=np.concatenate(spectra),
-            estimators=np.concatenate(estimators),
-            faint=np.array(faint),
-            first=np.array(edges)[:, 0],
-        )
-        amplitudes = np.hstack(amplitudes)
+        spectra, faint, amplitudes, converged, n_turns = zip(*bands, strict=True)
+        linear, amplitudes = SpectralFilter.wiener(spectra, faint, edges), np.hstack(amplitudes)
         axes = np.linalg.eigh(amplitudes @ amplitudes.T)[1][:, ::-1][:, : self.n_sources]
         mixing, sources = ordered(smooth_basis(freqs, self.n_smooth) @ axes, axes.T @ amplitudes)
         return FilteredSeparation(
@@ -116,7 +110,7 @@ def _settled(data, seen, freqs, rounding, n_sources):
     """One band of multipoles, in turns until the covariance C of HI and noise settles.
 
     Of X_l, a list of (n_channels, 2 l + 1), and diag(H_l) B, (n_l, n_channels, n_smooth); `rounding` is the
-    variance of that of maps, mK^2. Returns W_l, G_l and C, as in `SpectralFilter`, the amplitudes of the
+    variance of that of maps, mK^2. Returns W_l and C, as in `SpectralFilter`, the amplitudes of the
     foreground in B, (n_smooth, n_modes), whether C settled, and the number of turns. C has not settled on HI
     where it is as steep as a foreground: with few channels in a narrow band, or more spectra than n_sources.
     """
@@ -132,9 +126,9 @@ def _settled(data, seen, freqs, rounding, n_sources):
     converged, n_turns, n_removed = False, 0, n_smooth
     while not converged and n_turns < _MOST_TURNS:
         n_turns += 1
-        axes, estimators = _filter(data, seen, faint, n_sources)
-        spectra, products = seen @ axes, 0  # of HI and noise given the data
-        for one, estimator, block in zip(spectra, estimators, data, strict=True):
+        axes, products = _foreground_axes(data, seen, faint, n_sources), 0  # of HI and noise given the data
+        spectra = seen @ axes
+        for one, estimator, block in zip(spectra, wiener_estimators(spectra, faint), data, strict=True):
             rest = block - one @ (estimator @ block)
             products = products + rest @ rest.T + block.shape[1] * (one @ (estimator @ faint))
         # Never more than in the last turn: one that is faint could come and go for ever.
@@ -143,13 +137,14 @@ def _settled(data, seen, freqs, rounding, n_sources):
         converged = bool(np.linalg.norm(faint - before) <= _SETTLED * np.linalg.norm(before))
     values = np.linalg.eigvalsh(before)
     converged &= bool(values[-1] < _STEEPEST * np.median(values))
-    axes, estimators = _filter(data, seen, before, n_sources)
+    axes = _foreground_axes(data, seen, before, n_sources)
+    estimators = wiener_estimators(seen @ axes, before)
     amplitudes = [axes @ (one @ block) for one, block in zip(estimators, data, strict=True)]
-    return seen @ axes, estimators, before, np.hstack(amplitudes), converged, n_turns
+    return seen @ axes, before, np.hstack(amplitudes), converged, n_turns
 
 
-def _filter(data, seen, faint, n_sources):
-    """Axes of the foreground in the smooth functions, (n_smooth, n_sources), and G_l of each l."""
+def _foreground_axes(data, seen, faint, n_sources):
+    """Axes of the foreground in the smooth functions, of sources of unit variance, (n_smooth, n_sources)."""
     n_modes = sum(block.shape[1] for block in data)
     weighted = np.linalg.inv(faint) @ seen
     known = np.swapaxes(seen, 1, 2) @ weighted
@@ -161,9 +156,7 @@ def _filter(data, seen, faint, n_sources):
     root = np.linalg.cholesky(noise / n_modes)
     values, axes = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, signal / n_modes).T))
     values, axes = values[::-1][:n_sources], axes[:, ::-1][:, :n_sources]
-    axes = root @ (axes * np.sqrt(shrunk_variance(values, len(axes) / n_modes)))  # sources of unit variance
-    precision = axes.T @ known @ axes + np.eye(n_sources)
-    return axes, np.linalg.solve(precision, np.swapaxes(weighted @ axes, 1, 2))
+    return root @ (axes * np.sqrt(shrunk_variance(values, len(axes) / n_modes)))
 
 
 def smooth_basis(freqs, n_smooth):

@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 
 from himap.maps import sphere
 from himap.maps.low_rank import HarmonicModes, LowRankCube
 from himap.removal import harmonic
-from himap.removal.covariance import common_axes
+
+RANK = 1e-10
+"""Spectra below this share of the largest do not reach the last digit of float32."""
 
 _FINE = 1e-12  # of the brightest spectrum at any l: far below a mode of HI
 
@@ -33,9 +36,30 @@ class SpectralFilter:
     faint: np.ndarray
     first: np.ndarray
 
+    @classmethod
+    def wiener(cls, spectra, faint, edges):
+        """The Wiener filter of sources of unit variance, G_l = (W_l^T C^-1 W_l + 1)^-1 W_l^T C^-1.
+
+        Of W_l, (n_l, n_channels, n_sources) in each band, C of each, and the first and last l of each.
+        """
+        estimators = map(wiener_estimators, spectra, faint)
+        return cls(
+            spectra=np.concatenate(spectra),
+            estimators=np.concatenate(list(estimators)),
+            faint=np.array(faint),
+            first=np.array(edges)[:, 0],
+        )
+
     def faint_at(self, degree):
         """The covariance of HI and noise at one l, (n_channels, n_channels)."""
         return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
+
+
+def wiener_estimators(spectra, faint):
+    """G_l of `SpectralFilter.wiener` in one band, (n_l, n_sources, n_channels)."""
+    weighted = np.linalg.inv(faint) @ spectra
+    precision = np.swapaxes(spectra, 1, 2) @ weighted + np.eye(spectra.shape[2])
+    return np.linalg.solve(precision, np.swapaxes(weighted, 1, 2))
 
 
 def filtered(spectra, estimators, project, modes, low=None):
@@ -71,14 +95,15 @@ def through_beams(project, space, beams, modes):
     return filtered(bases, np.swapaxes(bases, 1, 2), project, modes)
 
 
-def combined(sources, spectra, *least):
+def combined(sources, spectra, least=RANK):
     """W_l S_l in as few spectra as they need, a `HarmonicModes`, mK.
 
-    S are real modes, (n, (lmax + 1)^2), W_l is (n_l, n_channels, n); `least` as of `common_axes`.
+    S are real modes, (n, (lmax + 1)^2), W_l is (n_l, n_channels, n). What is below the share `least` of the
+    brightest spectrum at any l is dropped.
     """
     pairs = list(zip(spectra, harmonic.blocks(sources), strict=True))
     seen = [matrix @ np.linalg.qr(block.T, mode="r").T for matrix, block in pairs]
-    axes = common_axes(seen, *least)
+    axes = linalg.orth(np.hstack(seen), rcond=least)
     out = np.empty((axes.shape[1], sources.shape[1]))
     for (matrix, block), into in zip(pairs, harmonic.blocks(out), strict=True):
         np.matmul(axes.T @ matrix, block, out=into)
