@@ -121,6 +121,17 @@ class TestCleaning:
         assert not np.array_equal(first, expected)
         assert np.array_equal(first, noisier) == (method is not SDECGMCA)
 
+    @pytest.mark.parametrize("peaks", [True, False])
+    def test_changes_add_up_in_any_order(self, data, mock, peaks):
+        """Assumed beams and another Generator stay with other maps, and peaks as they are, masked or not."""
+        beams, rng, cleaning = BEAMS**1.1, np.random.default_rng(2), Cleaning.of(data, PCA(), peaks=peaks)
+        method = BeamSubspace(n_sources=2)
+        first = cleaning.with_beams(beams).with_method(method, rng=rng).with_mock(mock).on(KEPT)
+        last = cleaning.on(KEPT).with_mock(mock[:, KEPT]).with_method(method, rng=rng).with_beams(beams)
+        assert np.array_equal(first.basis.beams, beams) and first.basis.seed is rng
+        assert all((one.basis.maps is one.data.maps) != peaks for one in (first, last))
+        assert first.residual == pytest.approx(last.residual, abs=1e-5)
+
     @pytest.mark.parametrize("spread", SPREADS)
     def test_peaks_are_masked_again_in_the_same_deviation(self, spiked, spread):
         masked = replace(spiked, maps=mask_peaks(spiked.maps, spiked.freqs, spread=spread).maps)

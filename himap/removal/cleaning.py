@@ -67,7 +67,7 @@ class Cleaning:
     @property
     def flagged(self):
         """Share of the voxels that the masking of peaks replaced."""
-        return 0.0 if self.basis is self.data else float(np.mean(self.basis.maps != self.data.maps))
+        return 0.0 if self._keeps_peaks else float(np.mean(self.basis.maps != self.data.maps))
 
     def with_mock(self, mock):
         """The same of the data with a mock, (n_channels, n_pix), mK, and without the peaks of both."""
@@ -88,9 +88,17 @@ class Cleaning:
             maps = np.where(self.data.missing, old, maps)
         return self._of(replace(self.data, maps=maps))
 
+    @property
+    def _keeps_peaks(self):
+        return self.basis.maps is self.data.maps
+
     def _of(self, data):
-        masked = self.basis is not self.data
-        return replace(self, data=data, basis=without_peaks(data, self.spread) if masked else data)
+        """The same of other `Data`, whose peaks are masked if those of these are."""
+        return self._with(data, data if self._keeps_peaks else without_peaks(data, self.spread))
+
+    def _with(self, data, basis):
+        basis = replace(basis, beams=self.basis.beams, seed=self.basis.seed)  # which the method assumes
+        return replace(self, data=data, basis=basis)
 
     def with_beams(self, beams):
         """The same by a method that assumes the beams b_l, (n_channels, lmax + 1)."""
@@ -112,7 +120,7 @@ class Cleaning:
     def on(self, mask):
         """The same of a part of a full sphere, `mask` (n_pix,) bool."""
         data = self.data.on(mask)
-        return replace(self, data=data, basis=data if self.basis is self.data else self.basis.on(mask))
+        return self._with(data, data if self._keeps_peaks else self.basis.on(mask))
 
 
 def without_peaks(data, spread="line"):
