@@ -100,13 +100,13 @@ class Data:
             weights or an image that do not fit them.
         """
         maps = real_array("maps", maps)
-        shape = maps.shape
-        kept = None if mask is None else checked_mask(mask, shape[-1] if shape else 0)
+        n_pix = maps.shape[-1] if maps.ndim else 0
+        kept = None if mask is None else checked_mask(mask, n_pix)
         if weights is not None:
-            kept, weights = checked_weights(weights, shape, kept)
+            kept, weights = checked_weights(weights, maps.shape, kept)
         grid = kept
         if image is not None:
-            grid, n_pix = np.array(image), shape[-1] if shape else 0
+            grid = np.array(image)
             if grid.dtype != bool or grid.ndim != 2 or np.count_nonzero(grid) != n_pix:
                 got = f"{grid.dtype} {grid.shape}, {np.count_nonzero(grid)} of them not 0"
                 raise InputError(

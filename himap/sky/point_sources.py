@@ -9,7 +9,7 @@ the field's mean and clustering are those of the faint sources alone.
 import numpy as np
 from astropy import constants as const
 from astropy import units as u
-from scipy.integrate import quad
+from scipy.integrate import cumulative_trapezoid, quad
 
 from himap.maps import sphere
 from himap.sky.emission import PowerLaw
@@ -117,7 +117,7 @@ def _injected(n_pix, rng):
     # Fluxes in Jy are drawn from the counts by inverting their cumulative.
     log_flux = np.linspace(np.log(FLUX_FAINT), np.log(FLUX_REMOVED), 20_001)
     density = np.exp(log_flux) * source_counts(np.exp(log_flux))
-    cumulative = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    cumulative = cumulative_trapezoid(density, initial=0)
     fluxes = np.exp(np.interp(rng.random(n_sources) * cumulative[-1], cumulative, log_flux))
     total = np.bincount(pixels, weights=fluxes, minlength=n_pix)
     return total * flux_to_temperature() / (4 * np.pi / n_pix)

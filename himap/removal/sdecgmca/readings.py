@@ -167,13 +167,11 @@ _LETTER = _CODE | {
     "last": "once",
 }
 
-_ROUNDING = _CODE | {"last_floor": 1e-14}
-
 READINGS = {
     "default": _LETTER | {"beyond": "projection"},
     "letter": _LETTER,
     "code": _CODE,
-    "code-rounding": _ROUNDING,
+    "code-rounding": _CODE | {"last_floor": 1e-14},
     "follow-up": _CODE
     | {"coefficients": "matrix", "resolution": "beam", "beyond": "regularised", "last_tolerance": 1e-6},
     "instrument-noise": _LETTER | {"thresholds": "analytic"},
