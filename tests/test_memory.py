@@ -35,31 +35,37 @@ def test_what_is_free_is_the_limit_by_default(monkeypatch):
     assert memory_limit() == 2e9
 
 
-LARGE_BOX, IN_FILES = replace(PAPER, box_cells=2048), {"steps": ["HI light cone"], "in_files": True}
+LARGE_BOX, IN_FILES = replace(PAPER, box_cells=2048), {"in_files": True}
 
 
 @pytest.mark.parametrize(
-    ("limit", "survey", "options", "refusal"),
+    ("limit", "survey", "step", "options", "refusal"),
     [
-        ("24GB", PAPER, {"jobs": 2}, None),
-        ("13GB", PAPER, {"jobs": 2}, None),
-        ("24GB", LARGE_BOX, {}, r"HI light cone needs about 7\d.\d GB .* a smaller box_cells needs less"),
-        ("24GB", LARGE_BOX, {"steps": ["cleaning"]}, None),
-        ("12GB", LARGE_BOX, IN_FILES, None),
-        ("12GB", replace(LARGE_BOX, nside=2048), IN_FILES, "HI light cone needs about .*: a smaller nside"),
+        *(("13GB", PAPER, step, {"jobs": 2}, None) for step in estimate(PAPER)),
+        (
+            "24GB",
+            LARGE_BOX,
+            "HI light cone",
+            {},
+            r"HI light cone needs about 7\d.\d GB .* a smaller box_cells",
+        ),
+        ("24GB", LARGE_BOX, "cleaning", {}, None),
+        ("12GB", LARGE_BOX, "HI light cone", IN_FILES, None),
         (
             "12GB",
-            PAPER,
-            {"jobs": 2, "steps": ["cleaning"]},
-            "2 jobs, and 12 GB .* fewer --jobs need less.*--max-memory",
+            replace(LARGE_BOX, nside=2048),
+            "HI light cone",
+            IN_FILES,
+            "HI .* about .*: a smaller nside",
         ),
+        ("12GB", PAPER, "cleaning", {"jobs": 2}, "2 jobs, and 12 GB .* fewer --jobs need less.*--max-memory"),
     ],
 )
-def test_what_fits_and_what_would(monkeypatch, limit, survey, options, refusal):
+def test_what_fits_and_what_would(monkeypatch, limit, survey, step, options, refusal):
     """The paper into 24 GB, and a box of 2048 cells in files."""
     monkeypatch.setenv(LIMIT_VARIABLE, limit)
     with pytest.raises(InputError, match=refusal) if refusal else nullcontext():
-        check_memory(survey, **options)
+        check_memory(survey, step, **options)
 
 
 def test_a_box_that_memory_does_not_hold_is_in_files(monkeypatch):
@@ -67,7 +73,7 @@ def test_a_box_that_memory_does_not_hold_is_in_files(monkeypatch):
     in_memory = pipeline.hi_of_sky.compute(survey)
     needs = estimate(survey)
     monkeypatch.setattr(pipeline, "memory_limit", lambda: needs["HI light cone"] - 1)
-    monkeypatch.setattr(pipeline, "check_memory", lambda survey, **options: None)
+    monkeypatch.setattr(pipeline, "check_memory", lambda *call, **options: None)
     assert pipeline.hi_of_sky.compute(survey) == pytest.approx(in_memory, rel=1e-5)
     assert not list((cache_folder() / "hi_of_sky").glob("unfinished*"))
     nearly_full = SimpleNamespace(free=1_000_000)

@@ -127,36 +127,23 @@ def fitting(survey, step):
     return max(1, int(memory_limit() // estimate(survey)[step]))
 
 
-def check_memory(survey, *, jobs=1, steps=None, in_files=False):
-    """Refuse a run that will not fit, before it starts.
-
-    Parameters
-    ----------
-    survey
-        The `Survey`.
-    jobs
-        Processes that clean at once.
-    steps
-        Which steps of `estimate`; default all.
-    in_files
-        As of `estimate`.
+def check_memory(survey, step, *, jobs=1, in_files=False):
+    """Refuse a step of `estimate`, whose options these are, that will not fit, before it starts.
 
     Raises
     ------
     InputError
-        A step needs more than `memory_limit`; the message says what would fit.
+        It needs more than `memory_limit`; the message says what would fit.
     """
-    limit = memory_limit()
-    needs = estimate(survey, jobs=jobs, in_files=in_files)
-    step = max(steps or needs, key=needs.get)
-    if needs[step] > limit:
+    limit, needed = memory_limit(), estimate(survey, jobs=jobs, in_files=in_files)[step]
+    if needed > limit:
         if step == "cleaning" and jobs > 1:
             way_out = "fewer --jobs need less"
         else:
             in_memory = step == "HI light cone" and not in_files
             way_out = f"a smaller {'box_cells' if in_memory else 'nside or n_channels'} needs less"
         raise InputError(
-            f"{step} needs about {needs[step] / 1e9:.3g} GB at nside {survey.nside}, {survey.n_channels} "
+            f"{step} needs about {needed / 1e9:.3g} GB at nside {survey.nside}, {survey.n_channels} "
             f"channels, {survey.box_cells}^3 cells{f' and {jobs} jobs' if jobs > 1 else ''}, and "
             f"{limit / 1e9:.3g} GB may be used: {way_out}; so does a machine with more memory, and "
             f"--max-memory (the variable {LIMIT_VARIABLE}) sets what may be used."

@@ -74,7 +74,7 @@ def hi_of_sky(survey):
     rng = survey.rng("hi")
     if estimate(survey)["HI light cone"] <= memory_limit():
         return hi_maps(survey, rng)
-    check_memory(survey, steps=["HI light cone"], in_files=True)
+    check_memory(survey, "HI light cone", in_files=True)
     with hi_of_sky.workplace(survey, n_bytes=file_bytes(survey.box_cells)) as folder:
         return hi_maps(survey, rng, folder=folder)
 
@@ -111,7 +111,7 @@ def observation(case):
     """The `Observation` of a `Case`; all cases of a survey share sky and noise."""
     survey = case.survey
     components_of_sky(survey.sky, case.galaxy)  # a bad template shows before the long work
-    check_memory(survey, steps=["observing"])
+    check_memory(survey, "observing")
     bright = foreground_modes_of_sky(survey.sky, case.galaxy, case.dimming)
     windows = case.beam.of_survey(survey)
     smoothed = windows.resmoothing is not None
