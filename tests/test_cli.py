@@ -84,8 +84,8 @@ def test_run_all_gives_each_notebook_the_parameters_that_it_has(himap_command, r
     code, out, _ = himap_command("run", "--all", "--preset", "ci", "-p", "n_sources=4", "-p", "seed=7")
     common = {"output": None, "again": False, "overwrite": False}
     assert runs == [
-        ("01_toy", common | {"preset": "ci", "parameters": {"n_sources": 4, "seed": 7}}),
-        ("02_other", common | {"preset": None, "parameters": {"n_sources": 4}}),
+        ("01_toy", common | {"parameters": {"preset": "ci", "n_sources": 4, "seed": 7}}),
+        ("02_other", common | {"parameters": {"n_sources": 4}}),
     ]
     assert code == 0
     assert out.splitlines() == ["results/01_toy.ipynb  (done before)", "results/02_other.ipynb  (0 s)"]
@@ -135,6 +135,7 @@ def test_an_address_without_a_scheduler_is_refused_before_any_work(himap_command
         (["01_toy", "-p", "n_sorces=3"], "did you mean n_sources"),
         (["01_toy", "-p", "n_sources"], "-p name=value; got -p n_sources"),
         (["01_toy", "-p", "n_sources=1", "-p", "n_sources=2"], "given twice"),
+        (["01_toy", "--preset", "ci", "-p", "preset=quick"], "given twice, as ci and as quick"),
         (["01_toy", "--preset", "big"], "unknown preset 'big'"),
         (["01_toy", "03_none"], "no notebook '03_none'"),
         (["01_toy", "02_other", "-o", "out.ipynb"], "-o names the output of one notebook"),

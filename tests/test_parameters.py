@@ -76,7 +76,7 @@ def test_values_of_another_type_are_refused(name, text, expected):
 
 
 def test_survey_fields_are_parameters_where_the_cell_has_a_survey():
-    checked = check_parameters(DECLARED, {"nside": 32, "survey": {"n_channels": 50}}, "ci")
+    checked = check_parameters(DECLARED, {"preset": "ci", "nside": 32, "survey": {"n_channels": 50}})
     assert checked == {"preset": "ci", "survey": {"seed": 1, "n_channels": 50, "nside": 32}}
     texts = parse_texts(DECLARED, {"noise_reading": "variance", "nside": "32"})
     assert check_parameters(DECLARED, texts) == {
@@ -93,21 +93,19 @@ def test_survey_fields_are_parameters_where_the_cell_has_a_survey():
 
 
 @pytest.mark.parametrize(
-    "given, preset, message",
+    "given, message",
     [
-        ({"n_sorces": 3}, None, r"unknown parameter n_sorces \(did you mean n_sources\?\); .* share, .*seed"),
-        ({"nsid": 3}, None, "did you mean nside"),
-        ({"zzz": 3, "qqq": 1}, None, "unknown parameters zzz, qqq; there are preset, n_sources"),
-        ({"noise_reading": "power"}, None, "noise_reading must be deviation or variance"),
-        (parse_texts(DECLARED, {"noise_reading": "1"}), None, "noise_reading must be deviation or variance"),
-        ({"nside": 65}, None, "nside must be a power of two, got 65"),
-        ({"survey": {"nsides": 64}}, None, "unknown Survey field nsides"),
-        ({}, "big", "unknown preset 'big'; there are ci"),
-        ({"preset": "big"}, None, "unknown preset 'big'; there are ci"),
-        ({"preset": "ci"}, "quick", "given twice"),
-        ({"survey": {"seed": 7}, "seed": 8}, None, "seed given twice, alone and in survey"),
+        ({"n_sorces": 3}, r"unknown parameter n_sorces \(did you mean n_sources\?\); .* share, .*seed"),
+        ({"nsid": 3}, "did you mean nside"),
+        ({"zzz": 3, "qqq": 1}, "unknown parameters zzz, qqq; there are preset, n_sources"),
+        ({"noise_reading": "power"}, "noise_reading must be deviation or variance"),
+        (parse_texts(DECLARED, {"noise_reading": "1"}), "noise_reading must be deviation or variance"),
+        ({"nside": 65}, "nside must be a power of two, got 65"),
+        ({"survey": {"nsides": 64}}, "unknown Survey field nsides"),
+        ({"preset": "big"}, "unknown preset 'big'; there are ci"),
+        ({"survey": {"seed": 7}, "seed": 8}, "seed given twice, alone and in survey"),
     ],
 )
-def test_names_and_the_survey_are_checked_before_anything_runs(given, preset, message):
+def test_names_and_the_survey_are_checked_before_anything_runs(given, message):
     with pytest.raises(InputError, match=message):
-        check_parameters(DECLARED, given, preset)
+        check_parameters(DECLARED, given)

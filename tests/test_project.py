@@ -25,6 +25,7 @@ from test_style import lint_imports
 
 from himap import __version__
 from himap.app.cli.main import main
+from himap.app.cli.shared import named_values
 from himap.app.notebook_files import figures
 from himap.app.notebooks import find
 from himap.app.parameters import check_parameters, parse_texts
@@ -72,8 +73,7 @@ def test_commands_of_the_pages_exist(page, line):
         return
     for notebook in options.get("names") or ():
         declared = find(notebook).parameters
-        texts = dict(pair.split("=", 1) for pair in options["pairs"])
-        check_parameters(declared, parse_texts(declared, texts), options["preset"])
+        check_parameters(declared, parse_texts(declared, named_values(options["pairs"], options["preset"])))
     if name == "list" and options["name"]:
         find(options["name"])
 

@@ -150,7 +150,7 @@ def test_a_copy_is_not_replaced_by_one_of_other_parameters(folder):
 def test_a_file_that_is_named_from_home(folder, monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     (tmp_path / "good").write_text("1")
-    once = {"parameters": {"mode": "~/good"}, "preset": "ci", "folder": folder, "again": False}
+    once = {"parameters": {"mode": "~/good", "preset": "ci"}, "folder": folder, "again": False}
     assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]
     (tmp_path / "good").write_text("12")
     assert reproduce.run("01", **once)[1]
@@ -165,7 +165,7 @@ def test_names_of_copies_differ_and_fit_a_file_system():
 
 def test_a_file_that_a_parameter_names_and_that_changed_is_read_again(folder):
     Path("good").write_text("1")
-    once = {"parameters": {"mode": "good"}, "preset": "ci", "folder": folder, "again": False}
+    once = {"parameters": {"mode": "good", "preset": "ci"}, "folder": folder, "again": False}
     assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]
     Path("good").write_text("12")
     assert reproduce.run("01", **once)[1]
@@ -226,7 +226,7 @@ def test_a_copy_is_written_although_a_number_is_missing(folder):
 
 
 def test_a_run_with_other_parameters(folder, monkeypatch):
-    passed = {"preset": "ci", "parameters": {"scale": 2, "nside": 16}, "folder": folder}
+    passed = {"parameters": {"preset": "ci", "scale": 2, "nside": 16}, "folder": folder}
     path, done = reproduce.run("01", **passed)
     assert done and str(path) == "results/01_toy_ci_nside=16_scale=2.0.ipynb"
     assert outputs(path) == "16 2.0 work\n"
@@ -243,7 +243,8 @@ def test_a_run_with_other_parameters(folder, monkeypatch):
     shutil.copy(path, book)
     assert reproduce.stale(folder) == {"01_toy": "it was executed with other parameters"}
     book.unlink()
-    other = passed | {"parameters": {"scale": 3, "nside": 16}, "output": path, "overwrite": True}
+    values = {"preset": "ci", "scale": 3, "nside": 16}
+    other = passed | {"parameters": values, "output": path, "overwrite": True}
     assert reproduce.run("01", **other, again=False)[1]  # those of the file, not of its name
     with pytest.raises(InputError, match="exists"):
         reproduce.run("01", **passed)
@@ -470,7 +471,11 @@ def test_clouds_of_points_are_not_kept():
 @pytest.mark.parametrize("harm", ["a cell", "another file", "nothing"])
 def test_what_somebody_wrote_is_not_lost(folder, no_kernel, harm):
     """A copy that was edited, or a file of another kind or of a chosen name, stays without --overwrite."""
-    passed = {"preset": "ci", "folder": folder, "output": None if harm != "nothing" else "mine.ipynb"}
+    passed = {
+        "parameters": {"preset": "ci"},
+        "folder": folder,
+        "output": None if harm != "nothing" else "mine.ipynb",
+    }
     path, _ = reproduce.run("01", **passed)
     if harm != "nothing":
         assert reproduce.run("01", **passed) == (path, True)

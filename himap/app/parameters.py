@@ -123,7 +123,7 @@ def parse_texts(declared, texts):
     return values
 
 
-def check_parameters(declared, given, preset=None):
+def check_parameters(declared, given):
     """The parameters to pass to a notebook, checked before anything runs.
 
     Parameters
@@ -132,8 +132,6 @@ def check_parameters(declared, given, preset=None):
         The notebook's parameters, a list of `Parameter`.
     given
         {name: value} that differ from the defaults; fields of `Survey` may be among them.
-    preset
-        Name of the preset; the same as ``given["preset"]``.
 
     Returns
     -------
@@ -147,9 +145,6 @@ def check_parameters(declared, given, preset=None):
         field that `Survey` refuses.
     """
     known = all_parameters(declared)
-    given = dict(given) if preset is None else {"preset": preset, **given}
-    if preset not in (None, given.get("preset")):
-        raise InputError(f"the preset is given twice, as {preset!r} and as {given['preset']!r}; give one.")
     unknown = [name for name in given if name not in known]
     if unknown:
         names = ", ".join(f"{name}{nearest(name, known)}" for name in unknown)

@@ -51,15 +51,13 @@ class NotebookError(RuntimeError):
     """A notebook that stopped at an error; the message says where."""
 
 
-def run(name, *, preset=None, parameters=None, output=None, folder=None, again=True, overwrite=False):
+def run(name, *, parameters=None, output=None, folder=None, again=True, overwrite=False):
     """Execute a notebook with other parameters.
 
     Parameters
     ----------
     name
         As in `find`.
-    preset
-        Name of the preset; default: the notebook's.
     parameters
         {name: value}; fields of `Survey` may be among them.
     output
@@ -86,7 +84,7 @@ def run(name, *, preset=None, parameters=None, output=None, folder=None, again=T
         The notebook stopped at any other error.
     """
     notebook = find(name, folder)
-    values = check_parameters(notebook.parameters, parameters or {}, preset)
+    values = check_parameters(notebook.parameters, parameters or {})
     defaults = {parameter.name: parameter.default for parameter in notebook.parameters}
     default_name = copy_name(notebook.name, (defaults | values).get("preset"), values)
     path = Path("results", default_name) if output is None else Path(output)

@@ -129,20 +129,18 @@ def run(names, preset, pairs, output, stale, every, overwrite):
     names = [notebook.name for notebook in notebooks()] if every else names
     if output is not None and len(names) > 1:
         raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
-    texts, declared = named_values(pairs), {name: find(name).parameters for name in names}
+    texts, declared = named_values(pairs, preset), {name: find(name).parameters for name in names}
     known = {name: all_parameters(parameters) for name, parameters in declared.items()}
     if every and (unused := set(texts).difference(*known.values())):
         raise InputError(f"no notebook has the parameter {min(unused)}; `himap list NAME` shows them.")
     calls = {}
     for name, parameters in declared.items():  # with --all each gets those that it has
-        its_preset = preset if not every or "preset" in known[name] else None
         accepted = {key: text for key, text in texts.items() if not every or key in known[name]}
-        values = parse_texts(parameters, accepted)
-        check_parameters(parameters, values, its_preset)  # before any runs
-        calls[name] = {"preset": its_preset, "parameters": values}
-    for name, options in calls.items():
-        started = time.monotonic()
-        path, done = reproduce.run(name, **options, output=output, again=not every, overwrite=overwrite)
+        calls[name] = parse_texts(parameters, accepted)
+        check_parameters(parameters, calls[name])  # before any runs
+    for name, values in calls.items():
+        started, options = time.monotonic(), {"output": output, "again": not every, "overwrite": overwrite}
+        path, done = reproduce.run(name, parameters=values, **options)
         click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
 
 

@@ -153,9 +153,7 @@ def _parameters(experiment, pairs, preset, recorded):
         for one in declared.values()
         if one.name not in experiment.without
     ]
-    texts = parse_texts(declared, named_values(pairs))
-    recorded = recorded if preset is None else {**recorded, "preset": preset}
-    given = check_parameters(declared, recorded | texts, None if recorded else preset)
+    given = check_parameters(declared, recorded | parse_texts(declared, named_values(pairs, preset)))
     for one in given.keys() & {"n_sources_min", "n_sources_max"}:
         whole_number(one, given[one], 1, _MOST_SOURCES)  # before so many are counted
     return {one.name: one.default for one in declared} | given, given

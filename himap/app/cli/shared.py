@@ -118,10 +118,10 @@ def workers(command):
     )(wrapped)
 
 
-def named_values(pairs):
-    """{name: text} of texts NAME=VALUE, in small letters the names."""
+def named_values(pairs, preset=None):
+    """{name: text} of texts NAME=VALUE, in small letters the names, and of the option --preset."""
     texts = {}
-    for pair in pairs:
+    for pair in dict.fromkeys(pairs if preset is None else [f"preset={preset}", *pairs]):
         name, equals, text = pair.partition("=")
         name = name.lower()
         if not (equals and name.isidentifier()):
