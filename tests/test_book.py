@@ -9,7 +9,7 @@ import pytest
 from conftest import ROOT
 from PIL import Image
 
-from himap.app.stored import stored_results
+from himap.app.stored import RESULTS, stored_results
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_status_page_says_what_made_each_notebook_and_stored_result(html, book):
         assert row[1] == "fresh" and re.fullmatch(r"[\d.]+", row[2]) and row[-1] != "edits"
     for name in ("python", "numpy", "healpy", "ducc0", "jupyter-book"):
         assert [row for row in rows if row[0] == name and re.match(r"\d+\.\d+", row[-1])], name
-    for one in stored_results():
+    for one in stored_results(RESULTS):
         (row,) = [row for row in rows if row[0] == one.name]
         assert row[1] in ({"fresh", "stale:"} if one.codes else {"timing"})
         assert {"Galaxy", *(commit for commit, _ in one.commits)} <= set(row)

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from conftest import ROOT
 
 from himap.app import stored
 from himap.app.notebooks import find
@@ -136,5 +137,5 @@ def test_those_in_the_book():
     names = {path.stem for path in RESULTS.glob("*.json")} | {
         path.parent.name for path in RESULTS.glob("*/figures.json")
     }
-    assert {one.name for one in stored_results()} == names - {"accepted", "probes"}
-    assert stale_results().keys() <= names
+    assert {one.name for one in stored_results(RESULTS)} == names - {"accepted", "probes"}
+    assert stale_results(RESULTS, ROOT / "notebooks").keys() <= names

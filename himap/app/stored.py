@@ -311,22 +311,15 @@ def read_result(path):
     )
 
 
-def stored_results(folder=None):
-    """All stored results by name, a list of `StoredResult`; `folder` defaults to ``book/results``."""
-    folder = folder or RESULTS
+def stored_results(folder):
+    """All stored results of a folder by name, a list of `StoredResult`."""
     files = [*folder.glob("*.json"), *folder.glob("*/figures.json")]
     files = [path for path in files if path.name not in (ACCEPTED.name, PROBES.name)]
     return sorted(map(read_result, files), key=lambda result: result.name)
 
 
-def stale_results(folder=None, notebooks_folder=None):
-    """The stored results that today's code may not give: {name: why}.
-
-    Parameters
-    ----------
-    folder, notebooks_folder
-        Where the results and the notebooks are, if not in this checkout.
-    """
+def stale_results(folder, notebooks_folder):
+    """The stored results of a folder that today's code and notebooks may not give: {name: why}."""
     tree, states, results = CodeTree(), {}, stored_results(folder)
     today = {name: measuring_code(name, tree) for name in EXPERIMENTS}
     known = {name for result in results for name in result.codes}

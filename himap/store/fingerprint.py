@@ -114,7 +114,7 @@ class CodeTree:
                 if root in (file, *file.parents):
                     parts = file.relative_to(root.parent).with_suffix("").parts[1:]
                     self._files[".".join([name, *parts]).removesuffix(".__init__")] = file
-        for method in ("_summary", "_unit", "_fixed_name", "_modules", "_read"):
+        for method in ("_summary", "_unit", "_fixed_name", "_read"):
             setattr(self, method, cache(getattr(self, method)))
 
     def fingerprint(self, module, name=None):
@@ -190,16 +190,15 @@ class CodeTree:
 
         units = [unit for unit in units if unit not in self._digests]
         places = {unit: n for n, unit in enumerate(units)}
-        named = {(places[unit], places.get(other)) for unit in units for other in self._named_by(unit)}
-        edges = [(row, column) for row, column in named if column is not None]
-        rows, columns = zip(*edges, strict=True) if edges else ((), ())
-        graph = coo_array(([1] * len(edges), (rows, columns)), shape=(len(units), len(units)))
-        labels = connected_components(graph, connection="strong")[1].tolist()
-        circles, after = defaultdict(list), {label: set() for label in labels}
-        for unit, label in zip(units, labels, strict=True):
+        named = {unit: [one for one in self._named_by(unit) if one in places] for unit in units}
+        rows = [places[unit] for unit in units for _ in named[unit]]
+        columns = [places[one] for unit in units for one in named[unit]]
+        graph = coo_array(([1] * len(rows), (rows, columns)), shape=(len(units), len(units)))
+        labels = dict(zip(units, connected_components(graph, connection="strong")[1].tolist(), strict=True))
+        circles, after = defaultdict(list), defaultdict(set)
+        for unit, label in labels.items():
             circles[label].append(unit)
-        for row, column in edges:
-            after[labels[row]] |= {labels[column]} - {labels[row]}
+            after[label] |= {labels[one] for one in named[unit]} - {label}
         for circle in map(circles.get, TopologicalSorter(after).static_order()):
             self._digests |= dict.fromkeys(circle, "circle")
             for _ in circle:  # after as many rounds as there are units each knows all of the circle
@@ -294,7 +293,7 @@ class CodeTree:
     def _offered(self, package, name):
         """The definitions of `name` in the modules of a package, and those that its sub-packages offer."""
         units = []
-        for module in self._modules(package):
+        for module in sorted(one for one in self._files if one.rpartition(".")[0] == package):
             code = self._read(module)
             if code.defines(name) or (code.is_package and name in code.index):
                 units.append((module, name))
@@ -307,10 +306,6 @@ class CodeTree:
         modules = [module for module in self._files if module.startswith(f"{package}.")]
         units = [(module, name) for module in modules for name in self._read(module).index]
         return sorted(unit for unit in units if self._fixed_name(unit))
-
-    def _modules(self, package):
-        """Names of the modules and sub-packages in the folder of a package."""
-        return sorted(module for module in self._files if module.rpartition(".")[0] == package)
 
     def _read(self, module):
         file = self._files[module]

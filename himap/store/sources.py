@@ -73,13 +73,14 @@ class Code:
         public = [child for node in statements if assigns(node, "__all__") for child in ast.walk(node)]
         self._offered = {child.value for child in public if isinstance(child, ast.Constant)}
         self._statements = [node for node in statements if not is_text(node)]
-        self._loose, self._parts, self.index = [], {}, {}
+        self._loose, self.index = [], {}
         for node in self._statements:
             names = names_bound(node)
             for name in names:
                 self.index.setdefault(name, []).append(node)
             if not names or isinstance(node, _BLOCKS):  # a loop defines its variable, and acts
                 self._loose.append(node)
+        self.part = cache(self.part)
         imports = [node for node in ast.walk(ast.Module(statements, [])) if isinstance(node, IMPORTS)]
         aliases = [(node, alias) for node in imports for alias in node.names]
         self.ignored = {
@@ -116,15 +117,15 @@ class Code:
 
     def part(self, name):
         """The `Part` called `name`, or what runs on import (`RUN`)."""
-        if name not in self._parts:
-            nodes, names = (self._loose, set()) if name == RUN else (self.index[name], {name})
-            if name == RUN and self.is_package:  # it imports for what that does
-                used = self.cells([node for node in self._statements if not isinstance(node, IMPORTS)]).holes
-                nodes = nodes + [node for node in self._statements if isinstance(node, IMPORTS)]
-                names = {n for n in self.index if not self.defines(n)}
-                names -= self._offered | {hole.name for hole in used}
-            self._parts[name] = self._part([nodes], names, name)
-        return self._parts[name]
+        if name != RUN:
+            return self._part([self.index[name]], {name}, name)
+        nodes, names = self._loose, set()
+        if self.is_package:  # it imports for what that does
+            used = self.cells([node for node in self._statements if not isinstance(node, IMPORTS)]).holes
+            nodes = nodes + [node for node in self._statements if isinstance(node, IMPORTS)]
+            names = {n for n in self.index if not self.defines(n)}
+            names -= self._offered | {hole.name for hole in used}
+        return self._part([nodes], names, RUN)
 
     def cells(self, *cells):
         """The `Part` of the statements of cells, of which bare strings and variables count too."""
@@ -164,24 +165,17 @@ def behind(*cells):
     Those are the names in it, and in what is behind it. A statement changes what it assigns to, also in a
     part, and what it calls a method of where it is not the last of its cell, which is shown.
     """
-    *before, last = cells
-    parsed = [(cell, _statements(cell)) for cell in before]
-    rest = [(node, cell) for cell, nodes in parsed for node in nodes]
-    changed = [_changed_by(node, node is not nodes[-1]) for _, nodes in parsed for node in nodes]
-    behind, names = set(), _names_in(_statements(last))
+    *before, last = map(_statements, cells)
+    rest = [node for nodes in before for node in nodes]
+    changed = [_changed_by(node, node is not nodes[-1]) for nodes in before for node in nodes]
+    behind, names = set(), _names_in(last)
     while new := {n for n, some in enumerate(changed) if n not in behind and some & names}:
         behind |= new
-        names |= _names_in(rest[n][0] for n in new)
-    return "\n".join([*(_text_of(*rest[n], names) for n in sorted(behind)), last])
-
-
-def _text_of(node, cell, names):
-    """The text of a statement of a cell; of an import that of these names alone."""
-    if isinstance(node, IMPORTS):
-        used = [alias for alias in node.names if bound_name(alias) in names]
-        return ast.unparse(type(node)(**dict(ast.iter_fields(node)) | {"names": used}))
-    first = min(one.lineno for one in [node, *getattr(node, "decorator_list", ())])
-    return "\n".join(cell.splitlines()[first - 1 : node.end_lineno])
+        names |= _names_in(rest[n] for n in new)
+    for node in rest:
+        if isinstance(node, IMPORTS):
+            node.names = [alias for alias in node.names if bound_name(alias) in names]
+    return "\n".join(map(ast.unparse, [*(rest[n] for n in sorted(behind)), *last]))
 
 
 def _names_in(nodes):

@@ -99,11 +99,10 @@ def verify(calls, *, further=None, rtols=None, renew=False, report=print):
     # What moved to another module, or was split, has no former digest: all behind a product counts at once.
     agreeing = former.keys() & codes.keys() - {*others}
     accepts = {codes[name]: former[name] for name in agreeing if codes[name] != former[name]}
-    calls_now = {name: probes["calls"][name] for name in sorted(calls)}
-    for name in calls_now.keys() - ([] if renew else others):
-        code = accepts.get(codes[name], codes[name])
-        calls_now[name] = {"code": code, "gives": calls_now[name]["gives"]}
+    for name in calls.keys() - ([] if renew else others):
+        probes["calls"][name]["code"] = accepts.get(codes[name], codes[name])
     _store(fingerprint.ACCEPTED, {**fingerprint.accepted_digests(), **tree.accepts, **accepts})
+    calls_now = {name: probes["calls"][name] for name in calls}
     _store(fingerprint.PROBES, {"calls": calls_now, "places": places})
     return others
 
