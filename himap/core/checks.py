@@ -173,12 +173,9 @@ def checked_fields(instance):
         if choices or item.type not in (int, float):
             continue
         label = f"{item.name} ({item.metadata['help']}) must be"
-        is_number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-        if (
-            not is_number
-            or not abs(value) <= sys.float_info.max
-            or (item.type is int and value != int(value))
-        ):
+        is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+        is_finite = is_number and abs(value) <= sys.float_info.max
+        if not is_finite or (item.type is int and value != int(value)):
             kind = {int: "a whole number", float: "a number"}[item.type]
             raise InputError(f"{label} {kind}, got {value!r}.")
         low, high, above = (item.metadata[key] for key in ("minimum", "maximum", "above"))
