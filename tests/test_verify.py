@@ -39,6 +39,10 @@ def second():
     return above.compute()
 
 CALLS = {"base": [first], "above": [second]}
+RTOLS = {}
+
+def further_codes(tree):
+    return {}
 """
 
 
@@ -73,7 +77,7 @@ OTHER = ("(x - 1.0) ** 2", "(x - 1.01) ** 2")
 
 def said_by(module, **options):
     said, sys.modules[module.__name__] = [], module
-    others = verify.verify(module.CALLS, report=said.append, **options)
+    others = verify.verify(module, report=said.append, **options)
     return others, said
 
 
@@ -104,7 +108,7 @@ def test_what_uses_a_product_with_other_numbers_is_renewed_with_it(lab):
     said_by(before)
     others, said = said_by(after, renew=True)
     assert others == ["base"] and [line.split(":")[0] for line in said] == ["base", "above"]
-    assert not any(differing for _, differing in verify.compared(after.CALLS, after.CALLS).values())
+    assert not any(differing for _, differing in verify.compared(after, after.CALLS).values())
 
 
 CURVE = """
@@ -162,9 +166,9 @@ def test_skies_that_a_record_is_measured_on_are_called(monkeypatch):
 
     names = [f"skies_{name}" for name in EXPERIMENTS]
     assert {*names} <= {*canonical.CALLS}
-    assert not verify.compared(canonical.CALLS, ["skies_claims"])["skies_claims"][1]
+    assert not verify.compared(canonical, ["skies_claims"])["skies_claims"][1]
     monkeypatch.setitem(claims.realisations.__kwdefaults__, "plane_weight", 0.2)
-    assert verify.compared(canonical.CALLS, ["skies_claims"])["skies_claims"][1]
+    assert verify.compared(canonical, ["skies_claims"])["skies_claims"][1]
 
 
 SKY = (
@@ -297,16 +301,16 @@ def test_every_product_and_named_class_has_a_call():
 
 
 def test_the_stored_numbers_are_of_todays_code():
-    names = verify.moved_names(canonical.CALLS, canonical.codes_of_skies)
+    names = verify.moved_names(canonical)
     assert not names, f"{', '.join(names)} changed: run `himap verify`"
 
 
 def test_what_was_accepted_still_holds():
     trees = (CodeTree(accepted=one) for one in (None, {}))
-    codes, strict = (verify.codes_of(tree, canonical, canonical.codes_of_skies) for tree in trees)
+    codes, strict = (verify.codes_of(tree, canonical) for tree in trees)
     names = [name for name in canonical.CALLS if codes[name] != strict[name]]
     assert canonical.RTOLS.keys() <= canonical.CALLS.keys()
-    found = verify.compared(canonical.CALLS, names, canonical.RTOLS)
+    found = verify.compared(canonical, names)
     assert not {name: differing for name, (_, differing) in found.items() if differing}
 
 
@@ -320,7 +324,7 @@ def test_the_calls_see_a_method_that_changed(monkeypatch):
         return real(self, replace(data, maps=data.maps * np.float32(1.001)))
 
     monkeypatch.setattr(polynomial.Polynomial, "_separate", other)
-    found = verify.compared(canonical.CALLS, ["polynomial", "pca"], canonical.RTOLS)
+    found = verify.compared(canonical, ["polynomial", "pca"])
     assert found["polynomial"][1] and not found["pca"][1]
 
 

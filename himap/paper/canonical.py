@@ -212,7 +212,7 @@ def _skies_of(experiment, parameters):
     return lambda: describe(experiment.skies(preset="ci", n_realisations=2, **parameters))
 
 
-def codes_of_skies(tree):
+def further_codes(tree):
     """{name: digest} of what else the records of the experiments depend on, their skies, in a `CodeTree`."""
     return {f"skies_{name}": measuring_code(name, tree)["code"] for name in EXPERIMENTS}
 

@@ -10,7 +10,6 @@ may have methods, and these are called elsewhere.
 
 import json
 import os
-import sys
 import tempfile
 import warnings
 from dataclasses import is_dataclass
@@ -33,17 +32,15 @@ _N_SAMPLES = 32  # of an array, and as many means of its squares
 _DIGITS = 8
 
 
-def verify(calls, *, further=None, rtols=None, renew=False, report=print):
+def verify(module, *, renew=False, report=print):
     """Call what changed, accept what gives the stored numbers, and store those of what has none.
 
     Parameters
     ----------
-    calls
-        {fixed name: functions without arguments} of all products and named classes.
-    further
-        Function from a `CodeTree` to {name: digest} of what else has calls.
-    rtols
-        {name: relative difference up to which its numbers are equal} where that is not `RTOL`.
+    module
+        It has ``CALLS``, {fixed name: functions without arguments} of all products and named classes that it
+        imports; ``RTOLS``, {name: relative difference up to which its numbers are equal} where that is not
+        `RTOL`; and ``further_codes``, a function from a `CodeTree` to {name: digest} of what else has calls.
     renew
         Store what differs, for what comes later to be compared with.
     report
@@ -63,12 +60,12 @@ def verify(calls, *, further=None, rtols=None, renew=False, report=print):
         raise InputError(
             f"there is no folder {fingerprint.ACCEPTED.parent}: verify code in a checkout of himap."
         )
-    module, probes, others = _module(calls), _stored(fingerprint.PROBES), []
-    tree, names = tree_of(module), moved_names(calls, further)
+    calls, probes, others = module.CALLS, _stored_probes(), []
+    tree, names = tree_of(module), moved_names(module)
     former = {name: one["code"] for name, one in probes["calls"].items()}
     if not names:
         report("no product, method or beam changed")
-    for name, (given, differing) in compared(calls, names, rtols).items():
+    for name, (given, differing) in compared(module, names).items():
         if differing:
             others.append(name)
         said = "; ".join(differing[:3]) or ("the stored numbers" if name in probes["calls"] else "new")
@@ -77,13 +74,13 @@ def verify(calls, *, further=None, rtols=None, renew=False, report=print):
         report(f"{name}: {said}{', stored' if differing and renew else ''}")
     used, agreeing = tree.used_by(module.__name__), {*names} - {*others}
     users = [name for name in calls if name not in names and used.get(name, set()) & agreeing]
-    for name, (_, differing) in compared(calls, users, rtols).items():
+    for name, (_, differing) in compared(module, users).items():
         if differing:
             others += [one for one in names if one in used[name] & agreeing and one not in others]
             report(f"{name}: {'; '.join(differing[:3])}")
     if renew and others:  # what uses them has other numbers, and the same code
-        rest = compared(calls, [name for name in calls if name not in names], rtols)
-        for name, (given, differing) in rest.items():
+        rest = [name for name in calls if name not in names]
+        for name, (given, differing) in compared(module, rest).items():
             if differing:
                 probes["calls"][name] = {"gives": given}
                 report(f"{name}: {'; '.join(differing[:3])}, stored")
@@ -91,7 +88,7 @@ def verify(calls, *, further=None, rtols=None, renew=False, report=print):
     refused = {place for name in others for place in behind.get(name, ())}
     agreeing = {place: code for place, code in probes["places"].items() if place not in refused}
     tree = tree_of(module, former=agreeing, formers=frozenset(probes["places"].values()))
-    codes, places = codes_of(tree, module, further), {}
+    codes, places = codes_of(tree, module), {}
     for definitions in tree.digests(module.__name__).values():
         places |= definitions
     if not renew:
@@ -107,36 +104,30 @@ def verify(calls, *, further=None, rtols=None, renew=False, report=print):
     return others
 
 
-def compared(calls, names, rtols=None):
-    """{name: (a summary of what its calls give, where that differs from what is stored)}.
+def compared(module, names):
+    """{name: (a summary of what its calls in a module give, where that differs from what is stored)}.
 
     They have a cache of their own, so that nothing is read that former code made.
     """
-    probes, results = _stored(fingerprint.PROBES)["calls"], {}
+    probes, results = _stored_probes()["calls"], {}
     quiet = warnings.catch_warnings(action="ignore")  # of small maps
     with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, HIMAP_CACHE=folder), quiet:
         for name in progress(names, "canonical calls"):
-            given = [summary(call()) for call in calls[name]]
+            given = [summary(call()) for call in module.CALLS[name]]
             stored = probes[name]["gives"] if name in probes else given
-            results[name] = given, differences(stored, given, (rtols or {}).get(name, RTOL))
+            results[name] = given, differences(stored, given, module.RTOLS.get(name, RTOL))
     return results
 
 
-def moved_names(calls, further=None):
+def moved_names(module):
     """Names whose code counts neither as that of the stored numbers, and those without any."""
-    module, probes = _module(calls), _stored(fingerprint.PROBES)["calls"]
-    codes = codes_of(tree_of(module), module, further)
-    return [name for name in calls if probes.get(name, {}).get("code") != codes[name]]
+    probes, codes = _stored_probes()["calls"], codes_of(tree_of(module), module)
+    return [name for name in module.CALLS if probes.get(name, {}).get("code") != codes[name]]
 
 
-def codes_of(tree, module, further=None):
-    """{name: digest} of all that a module has calls of; `further` as of `verify`."""
-    return tree.fingerprint(module.__name__) | (further(tree) if further else {})
-
-
-def _module(calls):
-    """The module that the calls are in, which names all that they call."""
-    return sys.modules[next(iter(calls.values()))[0].__module__]
+def codes_of(tree, module):
+    """{name: digest} of all that a module has calls of."""
+    return tree.fingerprint(module.__name__) | module.further_codes(tree)
 
 
 def summary(value):
@@ -209,9 +200,9 @@ def _worst(stored, given, is_single):
         return float(np.max(np.abs(one - other)[known] / scale, initial=0))
 
 
-def _stored(path):
+def _stored_probes():
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(fingerprint.PROBES.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {"calls": {}, "places": {}}
 

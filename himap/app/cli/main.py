@@ -184,10 +184,10 @@ def verify(renew):
     \b
     himap verify && himap run --stale
     """
-    from himap.paper.canonical import CALLS, RTOLS, codes_of_skies
+    from himap.paper import canonical
     from himap.store.verify import verify as accept
 
-    others = accept(CALLS, further=codes_of_skies, rtols=RTOLS, renew=renew, report=click.echo)
+    others = accept(canonical, renew=renew, report=click.echo)
     if others and not renew:
         raise click.ClickException(
             f"other numbers than those stored: {', '.join(others)}. If this is intended, `himap verify "
