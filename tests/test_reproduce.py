@@ -89,25 +89,25 @@ def edit(path, old, new):
     path.write_text(text.replace(old, new))
 
 
-def execute_without_kernel(notebook, parameters, folder, *, copied=False):
-    """In the place of an execution: the outputs are the numbers of the cells."""
-    node = nbformat.from_dict(notebook.node)
+def papermill_without_kernel(node, *_, **options):
+    """In the place of an execution: the outputs are the numbers of the cells, and it says nothing of itself."""
     for number, cell in enumerate(reproduce.code_cells(node)):
         cell.execution_count = number + 1
         cell.outputs = [nbformat.v4.new_output("stream", name="stdout", text=f"{number}\n")]
-    return reproduce.stamped(node, notebook.node, fingerprint=notebook.fingerprint(), parameters=parameters)
+    node.cells[-1].outputs[0].text = "{}"
+    return node
 
 
 @pytest.fixture
 def no_kernel(monkeypatch):
-    monkeypatch.setattr(reproduce, "_execute", execute_without_kernel)
+    monkeypatch.setattr("papermill.execute_notebook", papermill_without_kernel)
 
 
-def pretend_executed(folder):
-    """The path of an executed notebook without a kernel."""
-    notebook = notebooks.find("01_toy", folder)
-    reproduce.write_notebook(execute_without_kernel(notebook, {}, folder), notebook.executed)
-    return notebook.executed
+@pytest.fixture
+def executed(folder, no_kernel):
+    """The path of an executed notebook."""
+    reproduce.refresh(folder=folder)
+    return folder / "01_toy.ipynb"
 
 
 def test_what_a_notebook_says_of_itself(folder):
@@ -135,9 +135,8 @@ def test_the_folder_of_notebooks(folder, monkeypatch, tmp_path):
     assert notebooks.notebooks_folder() == folder
 
 
-def test_a_copy_is_not_replaced_by_one_of_other_parameters(folder):
+def test_a_copy_is_not_replaced_by_one_of_other_parameters(folder, no_kernel):
     """Not even where both have one name, as a file system does not take all characters."""
-    (folder / "01_toy.py").write_text(TOY.replace('mode == "bad"', "mode == 1"))
     first, second = ({"parameters": {"mode": mode}, "folder": folder} for mode in ("a/b", "a b"))
     path, _ = reproduce.run("01", **first)
     before = path.read_bytes()
@@ -147,15 +146,6 @@ def test_a_copy_is_not_replaced_by_one_of_other_parameters(folder):
     assert reproduce.run("01", **first) == (path, True)
 
 
-def test_a_file_that_is_named_from_home(folder, monkeypatch, tmp_path):
-    monkeypatch.setenv("HOME", str(tmp_path))
-    (tmp_path / "good").write_text("1")
-    once = {"parameters": {"mode": "~/good", "preset": "ci"}, "folder": folder, "again": False}
-    assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]
-    (tmp_path / "good").write_text("12")
-    assert reproduce.run("01", **once)[1]
-
-
 def test_names_of_copies_differ_and_fit_a_file_system():
     assert notebook_files.copy_name("01_toy", "ci", {"preset": "ci"}) == "01_toy_ci.ipynb"
     one, two = (notebook_files.copy_name("01_toy", None, {"path": f"{n}/a folder/" * 40}) for n in (1, 2))
@@ -163,9 +153,11 @@ def test_names_of_copies_differ_and_fit_a_file_system():
     assert not set("/ ") & set(one)
 
 
-def test_a_file_that_a_parameter_names_and_that_changed_is_read_again(folder):
+@pytest.mark.parametrize("name", ["good", "~/good"])
+def test_a_file_that_a_parameter_names_and_that_changed_is_read_again(folder, no_kernel, monkeypatch, name):
+    monkeypatch.setenv("HOME", os.getcwd())
     Path("good").write_text("1")
-    once = {"parameters": {"mode": "good", "preset": "ci"}, "folder": folder, "again": False}
+    once = {"parameters": {"mode": name, "preset": "ci"}, "folder": folder, "again": False}
     assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]
     Path("good").write_text("12")
     assert reproduce.run("01", **once)[1]
@@ -194,7 +186,7 @@ quote(toy_scale=(scale, 0.1, "mK"))
 """
 
 
-def test_a_copy_reads_well_where_roles_and_captions_are_not_known(folder):
+def test_a_copy_reads_well_where_roles_and_captions_are_not_known(folder, monkeypatch):
     toy = folder / "01_toy.py"
     toy.write_text(TOY + WORDS)
     reproduce.refresh(folder=folder)
@@ -214,10 +206,11 @@ def test_a_copy_reads_well_where_roles_and_captions_are_not_known(folder):
         "$$\nx = \\hat{y}\\tag{eq-toy}\n$$"
     )
     assert 0 < float(seconds) < 600
+    monkeypatch.setattr("papermill.execute_notebook", papermill_without_kernel)
     assert reproduce.run("01", **passed) == (path, True)  # it counts as himap's own, which nobody edited
 
 
-def test_a_copy_is_written_although_a_number_is_missing(folder):
+def test_a_copy_is_written_although_a_number_is_missing(folder, no_kernel):
     words = "{glue:text}`no_such`, {glue:text}`99_none.ipynb::other:s`, {glue:text}`broken.ipynb::more:s`"
     (folder / "01_toy.py").write_text(f"{TOY}\n# %% [markdown]\n# {words}, {{cite:t}}`2024`\n")
     (folder / "broken.ipynb").write_text("{")
@@ -238,7 +231,7 @@ def test_a_run_with_other_parameters(folder, monkeypatch):
     stamp = json.loads(text)["metadata"]["himap_run"]
     assert stamp["parameters"] == {"preset": "ci", "scale": 2.0, "survey": {"nside": 16}}
     assert stamp["fingerprint"] == notebooks.find("01", folder).fingerprint()
-    monkeypatch.setattr(reproduce, "_execute", execute_without_kernel)
+    monkeypatch.setattr("papermill.execute_notebook", papermill_without_kernel)
     book = notebooks.find("01", folder).executed
     shutil.copy(path, book)
     assert reproduce.stale(folder) == {"01_toy": "it was executed with other parameters"}
@@ -342,8 +335,7 @@ def test_refreshing_executes_once_and_writes_the_same_file_again(folder):
         ("ipynb", '"cells": [', '"cells": ', "there is no executed notebook"),
     ],
 )
-def test_an_edit_of_one_of_the_pair(folder, file, old, new, why):
-    pretend_executed(folder)
+def test_an_edit_of_one_of_the_pair(folder, executed, file, old, new, why):
     assert reproduce.stale(folder) == {}
     edit(folder / f"01_toy.{file}", old, new)
     assert reproduce.stale(folder) == {"01_toy": why}
@@ -381,9 +373,8 @@ LOOKS = "only its looks changed"
         ({"pca": "a method that was not there"}, ""),
     ],
 )
-def test_code_of_the_library_that_changes(folder, no_kernel, monkeypatch, changes, why):
+def test_code_of_the_library_that_changes(folder, executed, monkeypatch, changes, why):
     """Where only the looks did, a notebook is drawn again, but not stale."""
-    pretend_executed(folder)
     real = notebooks.CodeTree.source_fingerprint
     monkeypatch.setattr(notebooks.CodeTree, "source_fingerprint", lambda *args: real(*args) | changes)
     expected = {"01_toy": why} if why else {}
@@ -392,14 +383,14 @@ def test_code_of_the_library_that_changes(folder, no_kernel, monkeypatch, change
     assert reproduce.stale(folder, looks=True) == {}
 
 
-def test_a_file_that_a_notebook_reads_changes(folder):
+def test_a_file_that_a_notebook_reads_changes(folder, no_kernel):
     """The header names such files by patterns, from the folder above; those of one name are two files."""
     first, second = (folder.parent / name / "stored.json" for name in "ab")
     for path in (first, second):
         path.parent.mkdir()
         path.write_text("1")
     edit(folder / "01_toy.py", "#     section:", '#     reads: ["*/*.json"]\n#     section:')
-    pretend_executed(folder)
+    reproduce.refresh(folder=folder)
     (first.parent / "accepted.json").write_text("{}")  # what is accepted is no result
     assert notebooks.find("01_toy", folder).reads == [first, second] and reproduce.stale(folder) == {}
     first.write_text("2")
@@ -409,8 +400,7 @@ def test_a_file_that_a_notebook_reads_changes(folder):
     assert reproduce.stale(folder) == {"01_toy": "./a/another.json changed"}
 
 
-def test_saving_in_jupyter_keeps_the_header(folder):
-    executed = pretend_executed(folder)
+def test_saving_in_jupyter_keeps_the_header(folder, executed):
     node = nbformat.read(executed, as_version=4)
     text = jupytext.writes(node, "py:percent")
     lines = {line.lstrip("# ") for line in text.splitlines()[:40]}
@@ -419,8 +409,7 @@ def test_saving_in_jupyter_keeps_the_header(folder):
     assert reproduce.stale(folder) == {}
 
 
-def test_edits_made_in_jupyter_are_not_lost(folder):
-    executed = pretend_executed(folder)
+def test_edits_made_in_jupyter_are_not_lost(folder, executed):
     edit(executed, "Some text", "My text")
     assert reproduce.stale(folder) == {"01_toy": "edited in Jupyter, unlike its .py"}
     before = executed.read_bytes()
