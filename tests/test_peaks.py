@@ -126,11 +126,16 @@ def test_clipping_with_many_gaps_and_uneven_weights(rng):
     """Deviations are of what is seen, and each is in units of the error that its weight is of."""
     freqs = np.linspace(900, 1100, 60)
     lines, weights = rng.standard_normal((60, 400)), rng.choice([0.0, 0.2, 1.0, 3.0], (60, 400))
-    found = smooth_baselines(lines, freqs, order=2, n_sigma=2.2, weights=weights)
+    found = mask_peaks(lines, freqs, order=2, n_sigma=2.2, weights=weights)
     basis = baseline_basis(freqs, 2)
-    for line, weight, flagged in zip(lines.T, weights.T, found.flagged.T, strict=True):
+
+    def fit(line, weight):
         root = np.sqrt(weight)
-        fit = basis @ np.linalg.lstsq(root[:, None] * basis, root * line, rcond=None)[0]
-        pull = root * np.abs(line - fit)
+        return basis @ np.linalg.lstsq(root[:, None] * basis, root * line, rcond=None)[0]
+
+    rows = zip(lines.T, weights.T, found.flagged.T, found.maps.T, strict=True)
+    for line, weight, flagged, masked in rows:
+        pull = np.sqrt(weight) * np.abs(line - fit(line, weight))
         assert np.array_equal(flagged, pull > 2.2 * np.sqrt(np.sum(pull**2) / np.count_nonzero(weight)))
+        assert masked[flagged] == pytest.approx(fit(line, weight * ~flagged)[flagged], abs=1e-6)
     assert found.flagged.any()

@@ -90,7 +90,7 @@ def edit(path, old, new):
 
 
 def papermill_without_kernel(node, *_, **options):
-    """In the place of an execution: the outputs are the numbers of the cells, and it says nothing of itself."""
+    """In the place of an execution: the outputs are the numbers of the cells, and nothing on itself."""
     for number, cell in enumerate(reproduce.code_cells(node)):
         cell.execution_count = number + 1
         cell.outputs = [nbformat.v4.new_output("stream", name="stdout", text=f"{number}\n")]

@@ -9,7 +9,6 @@ from himap.core.errors import InputError
 from himap.removal import available, create, using, weighted_pca
 from himap.removal.data import Data
 from himap.removal.pca import PCA
-from himap.removal.peaks import mask_peaks
 from himap.removal.polynomial import Polynomial
 
 N_PIX = 300
@@ -174,21 +173,6 @@ class TestPolynomials:
                 FREQS[seen], sky[seen, pixel], 3, w=np.sqrt(weights[seen, pixel]), domain=[900, 1100]
             )
             assert found.foreground[:, pixel] == pytest.approx(fit(FREQS), rel=1e-6)
-
-    def test_what_stands_out_is_clipped_by_its_weight(self, rng):
-        """A twin in plain words; an outlier of little weight stays."""
-        freqs = np.linspace(900, 1100, 60)
-        line = 1e3 * (freqs / 1000) ** -2.7 + 0.1 * rng.standard_normal(60)
-        weights = np.ones(60)
-        weights[[3, 4, 50]] = 0, 0, 1e-6
-        line[30], line[50] = line[30] + 30, line[50] + 30
-        found = mask_peaks(line[:, None], freqs, order=4, weights=weights[:, None])
-        fit = NumpyPolynomial.fit(freqs, line, 4, w=np.sqrt(weights))
-        pull = np.sqrt(weights) * np.abs(line - fit(freqs))
-        out = pull > 5 * np.sqrt(np.sum(pull**2) / 58)
-        again = NumpyPolynomial.fit(freqs[~out], line[~out], 4, w=np.sqrt(weights[~out]), domain=fit.domain)
-        assert np.flatnonzero(out).tolist() == [30] and np.array_equal(found.flagged[:, 0], out)
-        assert found.maps[30, 0] == pytest.approx(again(freqs[30]), rel=1e-6)
 
     def test_a_bright_sky_keeps_its_digits(self, flags, rng):
         """A polynomial of 1e9 mK is fitted to 1e-6 mK, the edge of the band missing."""
