@@ -198,14 +198,23 @@ class TestCheckAndGrow:
             "are not compared.\n"
         )
 
-    def test_a_record_of_single_runs_is_refused_before_the_work(self, himap_command, monkeypatch):
-        row = {"restart": 0, "quantity": "change", "x": 150.0, "value": 0.1}
-        tables = iter([authors.EXPERIMENT.frame([{"seed": 2025} | row])])
+    @pytest.mark.parametrize(
+        ("option", "n_restarts", "message"),
+        [
+            ("--check", 1, "a.json has only single runs of chaotic methods: measure all of it again"),
+            ("--grow", 2, "has 1 restarts of every sky: give n_restarts=1."),
+        ],
+    )
+    def test_a_record_of_single_runs_is_refused_before_the_work(
+        self, himap_command, monkeypatch, option, n_restarts, message
+    ):
+        """And one more restart, where none is measured by itself."""
+        row = {"seed": 2025, "restart": 0, "quantity": "change", "x": 150.0, "value": 0.1}
+        tables = iter([authors.EXPERIMENT.frame([row])])
         monkeypatch.setattr(Experiment, "table", lambda self, skies: next(tables))
-        command = ("measure", "authors", "-p", "n_restarts=1")
-        assert himap_command(*command, "-o", "a.json")[0] == 0
-        code, _, err = himap_command(*command, "--check", "a.json")
-        assert code == 2 and "a.json has only single runs of chaotic methods: measure all of it again" in err
+        assert himap_command("measure", "authors", "-p", "n_restarts=1", "-o", "a.json")[0] == 0
+        code, _, err = himap_command("measure", "authors", option, "a.json", "-p", f"n_restarts={n_restarts}")
+        assert code == 2 and message in err
 
     def test_only_the_skies_that_are_missing(self, written, seen):
         before = stored("a.json")
@@ -230,13 +239,6 @@ class TestCheckAndGrow:
         assert (record.rows.groupby("seed")["restart"].nunique() == 4).all()
         assert written(*grow)[0] == 0 and len(seen) == 4
         assert written(*CLAIMS, "--check", "a.json")[::2] == (0, "")  # the order of rows is another
-
-    def test_where_a_restart_is_not_measured_by_itself(self, himap_command, monkeypatch):
-        row = {"restart": 0, "quantity": "change", "x": 150.0, "value": 0.1}
-        monkeypatch.setattr(Experiment, "table", lambda self, skies: self.frame([{"seed": 2025} | row]))
-        assert himap_command("measure", "authors", "-p", "n_restarts=1", "-o", "a.json")[0] == 0
-        code, _, err = himap_command("measure", "authors", "--grow", "a.json", "-p", "n_restarts=2")
-        assert code == 2 and "has 1 restarts of every sky: give n_restarts=1." in err
 
     def test_what_is_measured_stays(self, written, monkeypatch):
         table = Experiment.table

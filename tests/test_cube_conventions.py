@@ -7,7 +7,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from astropy import units as u
 from astropy.io import fits
 from bad_inputs import FREQS, N_PIX, NSIDE, SAID, good_maps, write_fits, write_folder, write_hdf5
 from conftest import little_room
@@ -333,11 +332,6 @@ class TestValues:
                 f"{value}.fits", images, axes=(*SKY["SIN"], FREQ, ("STOKES", value, 1.0, 1.0, ""))
             )
             assert ("says STOKES = 2, and the intensity I is 1" in " ".join(read_cube(path).said)) == said
-
-    def test_frequencies_in_metres(self):
-        write_hdf5("a.h5")
-        with pytest.raises(InputError, match="freqs must have a unit that is one of MHz"):
-            read_cube("a.h5", freqs=u.Quantity(FREQS, "m"))
 
     def test_axes_of_images_in_hdf5_are_theirs(self, rng):
         write_image("i.fits", power_law_images(rng))

@@ -91,6 +91,8 @@ class TestReading:
     def test_frequencies_with_a_unit(self):
         write_hdf5("a.h5", freqs_name=None)
         assert read_cube("a.h5", freqs=FREQS / 1e3 * u.GHz).freqs == pytest.approx(FREQS)
+        with pytest.raises(InputError, match="freqs must have a unit that is one of MHz"):
+            read_cube("a.h5", freqs=u.Quantity(FREQS, "m"))
 
 
 class TestBeams:

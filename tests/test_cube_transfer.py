@@ -96,18 +96,12 @@ class TestMade:
         assert ratio == pytest.approx(beams[0, 1:30] ** 2, rel=0.05, abs=0.01)
 
 
-class TestFromFiles:
-    def test_one_of_each_file(self, cube, rng, tmp_path):
-        mocks = [blue(rng) for _ in range(2)]
-        paths = [write_hdf5(tmp_path / f"{n}.h5", mock) for n, mock in enumerate(mocks)]
-        assert all(map(np.array_equal, read_mocks(cube, paths), mocks))
-
-    def test_pixels_that_the_cube_sees(self, cube, rng, tmp_path):
-        seen = np.arange(N_PIX) < 2000
-        part = replace(cube, maps=cube.maps[:, seen], mask=seen)
-        mock = blue(rng)
-        (found,) = read_mocks(part, [write_hdf5(tmp_path / "a.h5", mock)])
-        assert np.array_equal(found, mock[:, seen])
+@pytest.mark.parametrize("n_seen", [N_PIX, 2000])
+def test_one_of_each_file_in_the_pixels_that_the_cube_sees(cube, rng, n_seen, tmp_path):
+    seen, mocks = np.arange(N_PIX) < n_seen, [blue(rng) for _ in range(2)]
+    part = replace(cube, maps=cube.maps[:, seen], mask=seen)
+    paths = [write_hdf5(tmp_path / f"{n}.h5", mock) for n, mock in enumerate(mocks)]
+    assert all(map(np.array_equal, read_mocks(part, paths), [mock[:, seen] for mock in mocks]))
 
 
 class TestMeasured:

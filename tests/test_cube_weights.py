@@ -61,6 +61,9 @@ class TestReading:
         one, some, missing, *_ = cube.remarks
         assert one.startswith("1 of 24 channels have no data") and "80.0% of the sky is seen in some" in some
         assert missing.startswith(f"{np.mean(weights == 0):.2%} of the voxels")
+        masked = cube.within(np.arange(N_PIX) % 3 > 0)
+        assert np.array_equal(masked.mask, cube.mask & (np.arange(N_PIX) % 3 > 0))
+        assert np.array_equal(masked.weights, weights[:, masked.mask[cube.mask]])
 
     @pytest.mark.parametrize("kind", ["npy", "npy turned", "ring.fits", "nested.fits", "h5", "own.h5"])
     def test_all_formats_say_the_same(self, kind, hits, flags):
@@ -136,13 +139,6 @@ class TestReading:
         part = cube.within(kept)
         assert said not in part.remarks and not any("voxels" in remark for remark in part.remarks)
         (uneven,) = (remark for remark in part.remarks if "MHz apart; P(k)" in remark)
-
-    def test_a_mask_too(self, hits, flags):
-        kept = np.arange(N_PIX) % 3 > 0
-        cube = read_cube("cube.h5", weights=hits, flags=flags).within(kept)
-        assert np.array_equal(cube.mask, kept & (hits > 0))
-        weights = np.delete(np.where(flags, 0, hits), 7, axis=0)[:, cube.mask]
-        assert np.array_equal(cube.weights, weights)
 
     def test_pixels_that_too_few_channels_see(self, hits, flags):
         hits[-4:], flags[:, -4:] = 1, True

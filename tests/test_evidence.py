@@ -168,6 +168,8 @@ class TestLines:
             assert found["in spectra" if name == "error" else "truth in spectra"] == pytest.approx(
                 in_spectra, rel=1e-2
             )
+        split = leakage.split_error(FAINTER, remover)[0].lines(lines)
+        assert found["foreground residual"] == pytest.approx(np.mean(np.square(split)), rel=1e-6)
         sizes = [found[name] ** 0.5 for name in ("error", "foreground residual", "signal loss")]
         assert max(sizes) < sum(sizes) - max(sizes)  # those of a sum of two
         power, true = (sphere.power_spectrum(sphere.analyse(cube[3])) for cube in (residual, truth))
@@ -187,11 +189,3 @@ class TestLines:
             assert k == pytest.approx(powers[0].k[1:])
             assert row == pytest.approx(powers[0].power[1:] / powers[1].power[1:], rel=1e-2)
         assert np.ptp(ratios, axis=0).max() > 0.02
-
-
-@pytest.mark.parametrize("remover", [PLAIN, ENDING])
-def test_the_foreground_residual_of_flagged_lines_is_that_of_the_split(remover):
-    found = evidence.error_of_flagged_lines.compute(FAINTER, remover)
-    lines = flagged_lines(cleaned.assessment(FAINTER, remover).line_errors)
-    residual = leakage.split_error(FAINTER, remover)[0].lines(lines)
-    assert found["foreground residual"] == pytest.approx(np.mean(np.square(residual)), rel=1e-6)

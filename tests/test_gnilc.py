@@ -35,13 +35,17 @@ def hi_of(rng):
     return sphere.synthesise(np.linalg.cholesky(CORRELATION) @ alms, NSIDE)
 
 
-@pytest.fixture
-def sky(rng):
-    """(foreground, HI): two spectra 1e4 times brighter, with little on small scales."""
+def bright_maps(rng):
+    """Two, 1e4 times brighter than HI, with little on small scales."""
     cl = 1e8 / (1.0 + np.arange(LMAX + 1)) ** 2.5
     cl[2 * NSIDE + 1 :] = 0
-    maps = sphere.synthesise(np.array([sphere.gaussian_alm(cl, rng) for _ in range(2)]), NSIDE)
-    return SPECTRA @ maps, hi_of(rng)
+    return sphere.synthesise(np.array([sphere.gaussian_alm(cl, rng) for _ in range(2)]), NSIDE)
+
+
+@pytest.fixture
+def sky(rng):
+    """(foreground, HI)"""
+    return SPECTRA @ bright_maps(rng), hi_of(rng)
 
 
 @pytest.fixture
@@ -187,9 +191,7 @@ def test_where_each_region_has_one_spectrum_one_is_removed(rng):
 
 def test_regions_take_the_foreground_as_well(rng):
     """Of a sky that is the same all over, in the needlets that have regions, up to what chance takes."""
-    cl = 1e8 / (1.0 + np.arange(3 * NSIDE)) ** 2.5
-    cl[2 * NSIDE + 1 :] = 0
-    maps = sphere.synthesise(np.array([sphere.gaussian_alm(cl, rng) for _ in range(2)]), NSIDE)
+    maps = bright_maps(rng)
     hi = rng.standard_normal((12, maps.shape[1]))
     sky = np.stack([FIRST, SECOND], axis=1) @ maps + hi
     whole, local = (GNILC(first_peak=8, bias=bias).clean(sky, freqs=FEW) for bias in (0, 0.03))

@@ -32,13 +32,6 @@ def test_every_component_draws_from_its_own_stream():
     assert np.array_equal(sources.amplitude, expected.amplitude)
 
 
-def test_surveys_that_differ_in_the_dish_share_their_sky():
-    pipeline.hi_of_sky(SMALL.sky)
-    other = replace(SMALL, t_obs=5.0, dish_diameter=20.0)
-    assert pipeline.hi_of_sky.is_cached(other.sky)
-    assert not pipeline.hi_of_sky.is_cached(replace(other, seed=1).sky)
-
-
 def test_readings_of_the_noise_share_the_sky():
     """They change the noise alone, in the maps and in the spectra of the truth alike."""
     loud = replace(SMALL, noise_reading="variance")
