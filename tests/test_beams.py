@@ -281,15 +281,13 @@ class TestFromFile:
     @pytest.mark.parametrize(
         ("numbers", "message"),
         [
-            (np.ones(7), r"for each of the 30 channels, got \(7,\)"),
             (np.ones((30, 10)), "must reach l = 47 for nside 16, got b_l to 9"),
             (np.full((30, 48), np.nan), "finite b_l that are 1 at l = 0 .*, got nan"),
-            (np.full((30, 48), 50.0), "1 at l = 0 and nowhere more, got 50"),
-            (np.full(30, 0.02), "FWHM in degrees, between 0.04 and 10, got 0.02"),
             (np.array([{"a": 1}]), "no .npy file of plain numbers"),  # code
         ],
     )
     def test_what_cannot_be_the_beam_of_a_survey(self, numbers, message, tmp_path):
+        """Others in bad_inputs.py, of a cube."""
         np.save(tmp_path / "b.npy", numbers)
         with pytest.raises(InputError, match=message):
             pipeline.Case(survey=SURVEY, beam=FromFile(path=tmp_path / "b.npy"))

@@ -311,6 +311,8 @@ class TestMeasured:
         assert float(angular[3]["corrected"]) == pytest.approx(both["angular"].corrected[3])
         assert float(angular[3]["truth"]) == pytest.approx(comparison.true_angular[3])
         assert angular[-1]["truth"] == "nan"  # beyond 2 nside
+        sample = both["angular"].sigma(np.eye(len(both["angular"].x))[3:4], "sample")[0]
+        assert float(angular[3]["sample"]) == pytest.approx(sample, rel=1e-6)
         errors = [float(angular[3][f"error_{n}"]) for n in (1, 2)]
         assert covariance(np.array([errors]).T).item() == pytest.approx(float(angular[3]["sigma"]) ** 2)
 
@@ -358,16 +360,10 @@ class TestCommands:
         run("clean", "cube.h5", *words, "-o", "c.h5", code=2)  # is there
 
 
-def test_errors_and_sample_variance_are_those_of_the_transfer_function(cleaned, rng, tmp_path):
-    """In the spectra, and the latter in the file of them."""
+def test_errors_and_sample_variance_are_those_of_the_transfer_function(cleaned, rng):
     both, transfer = corrected_by(cleaned, [blue(rng) for _ in range(3)])
     for kind, first in (("angular", 2), ("frequency", 1)):
         one = both[kind]
         inside = slice(first, first + len(one.x))
         assert one.errors == pytest.approx(transfer.errors(kind)[:, inside], rel=1e-9)
         assert one.sample == pytest.approx(transfer.sample(kind)[:, inside], rel=1e-9)
-    write_spectra(both, tmp_path / "a.csv")
-    rows = csv.DictReader((tmp_path / "a.csv").read_text().splitlines())
-    row = [row for row in rows if row["spectrum"] == "angular"][3]
-    one, place = both["angular"], np.eye(len(both["angular"].x))[3:4]
-    assert float(row["sample"]) == pytest.approx(one.sigma(place, "sample")[0], rel=1e-6)

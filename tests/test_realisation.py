@@ -120,11 +120,6 @@ def test_a_method_without_regularisation_has_no_settings():
     assert (sky._settings(), sky._restarts(0)) == ({}, [])
 
 
-def test_lines_of_sight_are_left_out_for_what_the_paper_speaks_of():
-    masked = [call for product, call in SKY.facts.values() if product is cleaned.post_masked]
-    assert masked == [SKY.calls("oscillating")[name] for name in BSS]
-
-
 def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
     """It has its own options, and those alone; in the claims it goes by the name of SDecGMCA."""
     monkeypatch.setitem(BEAM_AWARE, "other", (Other, ("n_sources",)))
@@ -172,6 +167,8 @@ def test_facts_are_of_the_case_and_method_that_claims_are_about():
     product, call = SKY.facts["no sources"]
     assert product is evidence.spectra_without_sources
     assert call == (SKY.cases["degraded"][0], SKY.calls("degraded")["parametric"][1])
+    masked = [call for product, call in SKY.facts.values() if product is cleaned.post_masked]
+    assert masked == [SKY.calls("oscillating")[name] for name in BSS]
 
 
 def test_the_peak_without_the_brightest_lines_is_the_highest_near_the_ripple(monkeypatch):
