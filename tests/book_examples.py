@@ -1,4 +1,4 @@
-"""The method and the beam that pages of the book add, as files that are found like all others."""
+"""What tests read in pages of the book: the method and the beam that these add, code, and tables of HTML."""
 
 import re
 import sys
@@ -12,6 +12,12 @@ ROOT = Path(__file__).resolve().parents[1]
 def blocks(text, language):
     """The fenced blocks of a page in `language`."""
     return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.M | re.S)
+
+
+def cells(page):
+    """[[HTML of a cell]] of the tables of a page of HTML."""
+    rows = re.findall(r"<tr\b.*?</tr>", page, re.S)
+    return [re.findall(r"<t[dh]\b[^>]*>(.*?)</t[dh]>", row, re.S) for row in rows]
 
 
 def example_of(page):

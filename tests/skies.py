@@ -34,6 +34,17 @@ def mock_power(share, n_degrees):
     return MockPower(*(HarmonicPower(power=one, n_channels=500, channel_width=1.0) for one in powers))
 
 
+def line_errors(recovered, true):
+    """Mean squared error of every line of sight of two cubes less their channel means, (n_pix,), mK^2."""
+    error = recovered.astype(float) - true
+    return np.mean((error - error.mean(axis=1, keepdims=True)) ** 2, axis=0)
+
+
+def correlation(recovered, true):
+    """Pearson r of recovered and true map in every channel, (n_channels,)."""
+    return np.array([np.corrcoef(one, two)[0, 1] for one, two in zip(recovered, true, strict=True)])
+
+
 def convolve(maps, beams):
     """A cube through `beams` (n_channels, lmax + 1), channel by channel, with healpy alone."""
     nside, lmax = hp.npix2nside(maps.shape[1]), beams.shape[1] - 1

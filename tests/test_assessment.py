@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cube_measures import correlation, line_errors
+from skies import correlation, line_errors
 
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded, Oscillating

@@ -5,9 +5,9 @@ import re
 from dataclasses import replace
 
 import pytest
+from book_examples import cells
 from conftest import ROOT
 from ledgers import NOT_PCA, SD, SHORT, TINY, contrast, entry, finding, judged
-from pages import cells
 
 from himap.app.notebook_files import read_notebook
 from himap.app.notebooks import notebooks

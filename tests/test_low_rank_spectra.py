@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from cube_measures import correlation, line_errors
+from skies import correlation, line_errors
 
 from himap.core.errors import InputError
 from himap.maps import sphere

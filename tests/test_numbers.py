@@ -6,7 +6,7 @@ from itertools import product
 
 import click
 import pytest
-from pages import cells
+from book_examples import cells
 
 from himap.core.errors import InputError
 from himap.figures.numbers import (

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from ledgers import SHORT, TINY
-from outcomes import outcome, run
+from ledgers import SHORT, TINY, outcome, run
 
 from himap.app.stored import RESULTS
 from himap.core.errors import InputError

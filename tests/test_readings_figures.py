@@ -4,7 +4,7 @@ import csv
 import io
 
 import pytest
-from outcomes import outcome, run
+from ledgers import outcome, run
 
 from himap.paper.claims import FAILED, INAPPLICABLE, REPRODUCED
 from himap.paper.readings_figures import bands_figure, claims_figure, code_figure, curves_figure

@@ -1,7 +1,6 @@
 """The tables of what readings lead to."""
 
-from ledgers import contrast, luminance
-from outcomes import outcome, run
+from ledgers import contrast, luminance, outcome, run
 
 from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.readings import readings
