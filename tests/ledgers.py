@@ -5,7 +5,8 @@ import math
 import pandas as pd
 from matplotlib.colors import to_rgb
 
-from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED, Finding, Part
+from himap.paper.claims import FAILED, IN_PART, INAPPLICABLE, REPRODUCED
+from himap.paper.claims.base import Finding, Part
 from himap.paper.claims.entries import entries, finding_rows
 from himap.paper.experiments.claims import EXPERIMENT
 from himap.paper.readings import Outcome

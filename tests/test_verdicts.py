@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 from ledgers import entry_of, judged
 
-from himap.paper.claims import CLAIMS, FAILED, INAPPLICABLE, REPRODUCED, UNDECIDED, Finding, Part
-from himap.paper.claims.base import parts_of, places_of
+from himap.paper.claims import CLAIMS, FAILED, INAPPLICABLE, REPRODUCED, UNDECIDED
+from himap.paper.claims.base import Finding, Part, parts_of, places_of
 from himap.paper.claims.entries import wilson
 from himap.paper.ledger_table import measured
 

@@ -7,29 +7,9 @@ docstring of each function, which is shown with its verdict.
 """
 
 from himap.paper.claims import beams, further, other_sections, peak_masking  # noqa: F401
-from himap.paper.claims.base import (
-    FAILED,
-    IN_PART,
-    INAPPLICABLE,
-    REGISTRY,
-    REPRODUCED,
-    UNDECIDED,
-    Claim,
-    Finding,
-    Part,
-)
+from himap.paper.claims.base import FAILED, IN_PART, INAPPLICABLE, REGISTRY, REPRODUCED, UNDECIDED
 
-__all__ = [
-    "CLAIMS",
-    "FAILED",
-    "INAPPLICABLE",
-    "IN_PART",
-    "REPRODUCED",
-    "UNDECIDED",
-    "Claim",
-    "Finding",
-    "Part",
-]
+__all__ = ["CLAIMS", "FAILED", "INAPPLICABLE", "IN_PART", "REPRODUCED", "UNDECIDED"]
 
 _LETTERS = "FDEORNBMGSAV"  # in the order of the paper; others follow
 
@@ -37,4 +17,4 @@ CLAIMS = {
     id: REGISTRY[id]
     for id in sorted(REGISTRY, key=lambda id: ((_LETTERS + id[0]).index(id[0]), id[0], int(id[1:])))
 }
-"""{id: `Claim`}, in the order of the paper."""
+"""{id: `himap.paper.claims.base.Claim`}, in the order of the paper."""

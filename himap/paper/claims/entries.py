@@ -49,7 +49,7 @@ class Entry:
     Attributes
     ----------
     claim
-        The `himap.paper.claims.Claim`.
+        The `himap.paper.claims.base.Claim`.
     members
         DataFrame with the index (seed, restart), the first sky and start first, and the columns "value" and
         "sentence".
