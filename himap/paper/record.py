@@ -54,7 +54,7 @@ class Experiment:
     without
         Parameters of the chapter that the experiment does not have.
     stated
-        Parameters that are always stored.
+        Parameters that are always stored, besides the numbers of skies, restarts and mocks.
     words
         Columns of text that are not compared when a sky is measured again.
     remark
@@ -75,7 +75,7 @@ class Experiment:
     summary: Callable
     defaults: Mapping = field(default_factory=dict)
     without: tuple = ()
-    stated: tuple = (_SKIES,)
+    stated: tuple = ()
     words: tuple = ()
     remark: Callable = lambda sky: ""
     prepare: Callable = lambda skies: None

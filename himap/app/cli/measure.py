@@ -25,6 +25,7 @@ _USUAL_WIDTH = 120  # columns of an output that is no terminal
 _NARROWEST = 16  # columns of a text
 _OF_HEAD = 8  # least columns of a number, which its head is broken into
 _SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
+_AMOUNTS = ("n_realisations", "n_restarts", "n_mocks")  # that are always stored
 _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself
 
 
@@ -74,7 +75,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         path = check_output(default if output is None else Path(output), suffix=".json", overwrite=overwrite)
     started = time.monotonic()
     skies = experiment.skies(**chosen)
-    stated = {one: chosen[one] for one in experiment.stated}
+    stated = {one: chosen[one] for one in (*_AMOUNTS, *experiment.stated) if one in chosen}
     stated |= {one: value for one, value in given.items() if one not in _OF_PROVENANCE}
 
     def about(since):

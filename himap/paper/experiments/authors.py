@@ -163,5 +163,4 @@ EXPERIMENT = Experiment(
     summary=_summary,
     defaults={"preset": "ci", "n_realisations": 1, "n_restarts": 16},
     without=("reading", "results", "records", "flags", "reference"),
-    stated=("n_realisations", "n_restarts"),
 )

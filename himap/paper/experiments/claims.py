@@ -1,6 +1,5 @@
 """Every claim of the paper on several skies, with a verdict: the ledger."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from himap.core.checks import whole_number
@@ -86,20 +85,17 @@ def realisations(
 
 
 def judged_skies(several, readings, n_restarts):
-    """A list of `JudgedSky` of some `Realisation`, each with `n_restarts` of every reading of SDecGMCA.
+    """A list of `JudgedSky` of some `Realisation`, each with `n_restarts` of every `Reading` of SDecGMCA.
 
-    Readings are labels as of `himap.paper.readings.find_reading`, or {label: options as of `Realisation`}.
     There is one restart of a method that has none.
     """
     whole_number("n_restarts", n_restarts, 1, 1000)
-    if not isinstance(readings, Mapping):
-        readings = {label: find_reading(label).options for label in readings}
     n_restarts = n_restarts if has_restarts(BEAM_AWARE[several[0].method][0]) else 1
     return [
         JudgedSky(
             {
-                label: [replace(sky, options=options, restart=k) for k in range(n_restarts)]
-                for label, options in readings.items()
+                one.label: [replace(sky, options=one.options, restart=k) for k in range(n_restarts)]
+                for one in readings
             }
         )
         for sky in several
@@ -117,7 +113,7 @@ def other_restarts(sky, restarts):
 
 def skies(*, n_restarts=2, reading="default", **settings):
     """A list of `JudgedSky`, each with `n_restarts`; other parameters as of `realisations`."""
-    return judged_skies(realisations(**settings), [reading], n_restarts)
+    return judged_skies(realisations(**settings), [find_reading(reading)], n_restarts)
 
 
 def judge(realisation):
@@ -188,6 +184,5 @@ EXPERIMENT = Experiment(
     prepare=prepare,
     other_restarts=other_restarts,
     defaults={"n_realisations": 5, "n_restarts": 2, "n_sources_max": 20},
-    stated=("n_realisations", "n_restarts"),
     words=("sentence",),
 )

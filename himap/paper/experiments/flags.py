@@ -6,6 +6,7 @@ Through the oscillating beam, under each of some readings; members of an ensembl
 from himap.paper import cleaned
 from himap.paper.claims.base import mean_error
 from himap.paper.experiments.claims import judged_skies, realisations
+from himap.paper.readings import find_reading
 from himap.paper.record import Experiment
 from himap.paper.restarts import FLAGS, flag_table
 from himap.store.store import product
@@ -22,7 +23,7 @@ def skies(*, n_restarts=8, **settings):
     `himap.paper.experiments.claims.realisations`.
     """
     several = realisations(n_sources_min=2, n_sources_max=2, **settings)  # no scan
-    return judged_skies(several, READINGS, n_restarts)
+    return judged_skies(several, [find_reading(label) for label in READINGS], n_restarts)
 
 
 @product(name="measured_flags")
@@ -51,5 +52,4 @@ EXPERIMENT = Experiment(
     summary=lambda rows: flag_table(rows).map(str),
     defaults={"preset": "ci", "n_realisations": 3, "n_restarts": 8},
     without=("reading", "method", "n_sources_min", "n_sources_max", "average", "polynomial"),
-    stated=("n_realisations", "n_restarts"),
 )

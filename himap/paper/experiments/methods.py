@@ -180,5 +180,4 @@ EXPERIMENT = Experiment(
     measure=measure,
     summary=_summary,
     without=("results", "iterated", "larger"),
-    stated=("n_realisations", "n_mocks"),
 )

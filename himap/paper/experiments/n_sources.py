@@ -124,5 +124,4 @@ EXPERIMENT = Experiment(
     summary=_summary,
     defaults={"n_realisations": 5},
     without=("results",),
-    stated=("n_realisations", "n_mocks"),
 )

@@ -17,8 +17,7 @@ def skies(*, n_restarts=4, **settings):
     """A list of `JudgedSky`, each with `n_restarts` of every reading; other parameters as of
     `himap.paper.experiments.claims.realisations`.
     """
-    options = {label: reading.options for label, reading in readings().items()}
-    return judged_skies(realisations(**settings), options, n_restarts)
+    return judged_skies(realisations(**settings), readings().values(), n_restarts)
 
 
 @product(name="measured_readings")
@@ -45,5 +44,5 @@ EXPERIMENT = Experiment(
     other_restarts=other_restarts,
     defaults={"preset": "quick", "n_realisations": 2, "n_restarts": 4, "n_sources_max": 12},
     without=("reading", "method", "average", "polynomial"),  # varied, or always so
-    stated=("n_realisations", "n_restarts", "n_sources_max"),
+    stated=("n_sources_max",),
 )

@@ -16,7 +16,7 @@ from himap.paper.claims.base import BEAMS, angular_band, bump, mean_error
 from himap.paper.claims.entries import finding_rows
 from himap.paper.ensembles import failures
 from himap.paper.experiments.claims import judge, judged_skies, other_restarts, prepare, realisations
-from himap.paper.readings import BANDS, COLUMNS, candidates, flagged_shares
+from himap.paper.readings import BANDS, COLUMNS, candidates, find_reading, flagged_shares
 from himap.paper.record import Experiment
 from himap.store.store import product
 
@@ -38,7 +38,7 @@ def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **s
     """
     whole = realisations(n_sources_min=n_sources_min, n_sources_max=n_sources_max, **settings)
     scan = tuple(n for n in whole[0].n_sources if n <= 8 or n in _SPARSE)
-    several = {label: one.options for label, one in candidates().items()} if reading == "all" else [reading]
+    several = candidates().values() if reading == "all" else [find_reading(reading)]
     return judged_skies([replace(sky, n_sources=scan) for sky in whole], several, n_restarts)
 
 
@@ -144,5 +144,5 @@ EXPERIMENT = Experiment(
     other_restarts=other_restarts,
     defaults={"preset": "ci", "n_realisations": 3, "n_restarts": 8, "n_sources_max": 20, "reading": "all"},
     without=("method", "average", "polynomial"),
-    stated=("n_realisations", "n_restarts", "reading", "n_sources_max"),
+    stated=("reading", "n_sources_max"),
 )

@@ -118,5 +118,4 @@ EXPERIMENT = Experiment(
         "methods": [["beam_subspace", 3], ["beam_subspace", 4], ["pca", 6], ["pca", 7]],
     },
     without=("results", "larger", "other_methods"),
-    stated=("n_realisations", "n_mocks"),
 )
