@@ -8,7 +8,7 @@ import pandas as pd
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.measures import diagnostics
-from himap.measures.diagnostics import JUDGED, bands
+from himap.measures.diagnostics import BANDS, JUDGED, bands
 from himap.paper import grid
 from himap.paper.record import Experiment
 from himap.store.store import product
@@ -125,18 +125,10 @@ def widths(table):
 
 def in_bands(table):
     """Means of the ratio over `himap.measures.diagnostics.bands`: a Series by `METHOD`, band and seed."""
-    ends = table["high"] * table["step"]
-    known_at = {kind: np.unique(ends[table["kind"] == kind]) for kind in ("angular", "frequency")}
-    names = {
-        (kind, end): band
-        for band, (kind, inside) in bands(**known_at).items()
-        for end in known_at[kind][inside]
-    }
-    weight = widths(table)
+    ends, weight = table["high"] * table["step"], widths(table)
+    inside = [(table["kind"] == kind) & (ends > low) & (ends < high) for kind, low, high in BANDS.values()]
     weighted = table.assign(
-        band=[names[pair] for pair in zip(table["kind"], ends, strict=True)],
-        weight=weight,
-        weighted=weight * table["ratio"],
+        band=np.select(inside, [*BANDS], default=""), weight=weight, weighted=weight * table["ratio"]
     )
     sums = weighted.groupby([*METHOD, "band", "seed"], sort=False)[["weighted", "weight"]].sum()
     return (sums["weighted"] / sums["weight"]).rename("ratio")
