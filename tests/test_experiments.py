@@ -53,7 +53,10 @@ USUAL = {
             )
         ),
         ("authors", {"n_restarts": 0}, "n_restarts"),
-        ("boxes", {"survey": {"box_cells": 18}}, "box_cells is 18: take a multiple of 4"),
+        *(
+            ("boxes", {"survey": {"box_cells": n}}, f"box_cells is {n}: take a multiple of 4 from 16 to 2048")
+            for n in (12, 18, 4096)
+        ),
         ("claims", {"n_realisations": 0}, "n_realisations must be a whole number between 1"),
         ("claims", {"n_restarts": 0}, "n_restarts must be a whole number between 1"),
         ("claims", {"n_sources_min": 5, "n_sources_max": 4}, "the scan needs"),

@@ -33,7 +33,7 @@ QUANTITIES = {
 """What is measured of HI, before the beam and through the degraded one."""
 
 _K_BANDS = {"below 0.03": (0, 0.03), "0.03–0.3": (0.03, 0.3), "above 0.3": (0.3, np.inf)}
-_SMALLEST = 4  # box_cells of which half is a box
+_LEAST, _MOST = 16, 2048  # box_cells of which half and twice as many are a box
 
 
 def skies(*, n_realisations=1, **settings):
@@ -42,14 +42,14 @@ def skies(*, n_realisations=1, **settings):
     Raises
     ------
     InputError
-        A box of an odd number of cells along a side, or of too few.
+        A box of which half or twice as many cells along a side are none.
     """
     cases = cases_of(Degraded(), n_realisations=n_realisations, **settings)
     n_cells = cases[0].survey.box_cells
-    if n_cells % 4 or n_cells < _SMALLEST:
+    if n_cells % 4 or not _LEAST <= n_cells <= _MOST:
         raise InputError(
-            f"half of a box has an even number of cells along a side, and box_cells is {n_cells}: take a "
-            "multiple of 4."
+            "boxes of half and of twice as many cells along a side are made too, and box_cells is "
+            f"{n_cells}: take a multiple of 4 from {_LEAST} to {_MOST}."
         )
     return cases
 
