@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.measures.diagnostics import BUMP, Comparison, inside
+from himap.measures.diagnostics import BUMP, inside
 
 METHODS = {
     "pca": "PCA",
@@ -257,11 +257,6 @@ def each(sky, case, measure, methods=tuple(METHODS)):
     return {METHODS[name]: measure(comparisons[name]) for name in methods}
 
 
-def quotients(over, under):
-    """{name: value} over {name: value}, both with the same names."""
-    return {name: value / under[name] for name, value in over.items()}
-
-
 def _most(values):
     """What a share `CONSISTENT` of some values does not exceed."""
     return np.quantile(values, CONSISTENT, method="inverted_cdf")
@@ -304,7 +299,3 @@ mean_error = angular_band("error", 10, 200)
 
 bump = frequency_band("highest", *BUMP)
 """Highest P/P0 near k = 0.31, of a `Comparison`."""
-
-
-total = Comparison.total_error
-"""Total MSE of both spectra of a `Comparison`."""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.stats import gmean
 
-from himap.measures.diagnostics import MSE_DEFINITIONS
+from himap.measures.diagnostics import MSE_DEFINITIONS, Comparison
 from himap.paper.claims.base import (
     CLEAR,
     CONSISTENT,
@@ -23,14 +23,11 @@ from himap.paper.claims.base import (
     in_band,
     is_smaller,
     larger,
-    listing,
     not_applicable,
     parts_of,
     places_of,
-    quotients,
     sd_least,
     smaller,
-    total,
 )
 
 _DIMMED = ("oscillating", "dimmed")
@@ -75,9 +72,9 @@ def scan_minimum(sky):
     """
     if missing := _missing(sky, 4, 5, 6):
         return missing
-    best = _best(sky.scan, total)
+    best = _best(sky.scan, Comparison.total_error)
     parts = (Part("least at 5", best == 5, method="SD"), *places_of({"least at": best}))
-    return finding(best, parts, {"Total MSE at n_s =": {n: total(sky.scan[n]) for n in {best, 5}}})
+    return finding(best, parts, {"Total MSE at n_s =": {n: sky.scan[n].total_error() for n in {best, 5}}})
 
 
 @claim("N2", "oscillating", "4.3", "3", "smallest MSE of these over that at n_s = 5", "> 1")
@@ -88,9 +85,10 @@ def scan_ends(sky):
     """
     if missing := _missing(sky, 2, 3, 5, 10):
         return missing
-    totals = {n: total(comparison) / total(sky.scan[5]) for n, comparison in sky.scan.items()}
-    least = min(total for n, total in totals.items() if n >= 10)
-    values = {"n_s = 2": totals[2], "n_s = 3": totals[3], "n_s >= 10, least": least}
+    five = sky.scan[5].total_error()
+    over = {n: comparison.total_error() / five for n, comparison in sky.scan.items()}
+    least = min(value for n, value in over.items() if n >= 10)
+    values = {"n_s = 2": over[2], "n_s = 3": over[3], "n_s >= 10, least": least}
     parts = parts_of(values, larger, "larger", method="SD")
     return finding(min(values.values()), parts, {"MSE over that at n_s = 5": values})
 
@@ -148,8 +146,8 @@ def scan_large_degrees(sky):
 
 def _gain(sky):
     """Total MSE dimmed over full, {method: ratio}."""
-    full, dimmed = (each(sky, case, total) for case in _DIMMED)
-    return quotients(dimmed, full)
+    full, dimmed = (each(sky, case, Comparison.total_error) for case in _DIMMED)
+    return {name: value / full[name] for name, value in dimmed.items()}
 
 
 @claim("G1", "oscillating, dimmed", "5.2", "7", "largest total MSE over that of the full Galaxy", "< 1")
@@ -237,8 +235,7 @@ def _sd_consistently(values, mean, word, where, wording):
         Part(f"SD {word} {where.format('95 %')}", share >= CONSISTENT, method="SD"),
         Part(f"SD {word} on average", sd_least(means), False, "SD"),
     )
-    wording = f"SD is {word} {where.format(f'{share:.0%}')}; {wording}: {listing(means)}."
-    return finding(share, parts, wording)
+    return finding(share, parts, {f"SD is {word} {where.format(f'{share:.0%}')}; {wording}": means})
 
 
 @claim("A1", "oscillating", "A", "A.1", "share of channels where SD is highest", "1")

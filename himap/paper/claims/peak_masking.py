@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from himap.maps import sphere
-from himap.measures.diagnostics import BUMP
+from himap.measures.diagnostics import BUMP, Comparison
 from himap.paper.claims.base import (
     BEAMS,
     BLIND,
@@ -30,10 +30,8 @@ from himap.paper.claims.base import (
     is_smaller,
     larger,
     parts_of,
-    quotients,
     sd_least,
     smaller,
-    total,
 )
 from himap.paper.methods import BSS
 
@@ -98,8 +96,8 @@ def unmasked_peaks(sky):
     """
     parts, ratios = (), {}
     for beam in BEAMS:
-        masked, unmasked = _with_and_without(sky, beam, total, tuple(METHODS))
-        ratios[beam] = quotients(unmasked, masked)
+        masked, unmasked = _with_and_without(sky, beam, Comparison.total_error, tuple(METHODS))
+        ratios[beam] = {name: value / masked[name] for name, value in unmasked.items()}
         any_masked = any(sky.masked_voxels(beam).values())
         judged = ratios[beam] if any_masked else dict.fromkeys(ratios[beam])
         parts += parts_of(judged, larger, f"worse, {beam} beam")

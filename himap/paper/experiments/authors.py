@@ -17,7 +17,7 @@ from himap.measures.low_rank_spectra import line_errors
 from himap.paper import cleaned, pipeline
 from himap.paper.grid import cases_of, skies_of
 from himap.paper.methods import sdecgmca_for
-from himap.paper.readings import flagged_shares
+from himap.paper.readings import BANDS, flagged_shares
 from himap.paper.record import Experiment
 from himap.store.store import product
 
@@ -31,10 +31,7 @@ _L_MAX = 64
 _BANDS = {
     "C/C0, 2 to 9": ("angular", 1.5, 9.5),
     f"C/C0, 10 to {_L_MAX}": ("angular", 9.5, _L_MAX + 0.5),
-    "P/P0, k < 0.03": ("frequency", 0, 0.03),
-    "P/P0, 0.03 to 0.1": ("frequency", 0.03, 0.1),
-    "P/P0, k > 0.1": ("frequency", 0.1, np.inf),
-}
+} | {name: band for name, band in BANDS.items() if band[0] == "frequency"}
 
 
 def of_code(beam, *, restart=0, **options):
