@@ -9,7 +9,6 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.figures import plotting, styles
-from himap.measures.diagnostics import JUDGED
 from himap.paper.experiments.beam_errors import KINDS, worst_excess
 from himap.paper.experiments.methods import METHOD, distances, middles
 
@@ -98,7 +97,7 @@ def beam_errors_figure(table):
     return plotting.lines(panels, columns=min(2, len(panels)), size=(4.6, 3.4), legend_above=True)
 
 
-def methods_figure(tables, kind, *, corrected=False, methods=None, columns=3):
+def methods_figure(tables, kind, *, corrected=False):
     """C/C0 or P/P0, mean over skies and the range of 16 to 84 %; a panel for each table and beam.
 
     Parameters
@@ -109,10 +108,6 @@ def methods_figure(tables, kind, *, corrected=False, methods=None, columns=3):
         "angular" or "frequency".
     corrected
         Whether the curves are those over the transfer function, of the methods that have one.
-    methods
-        Names of those that are drawn; all unless given.
-    columns
-        Of panels.
 
     Raises
     ------
@@ -124,8 +119,6 @@ def methods_figure(tables, kind, *, corrected=False, methods=None, columns=3):
         labels = labels_of(table)
         looks = styles.of_methods(dict.fromkeys(labels.values()))
         shown = table[(table["kind"] == kind) & (table["corrected"] == corrected)]
-        if methods is not None:
-            shown = shown[shown["method"].isin(methods)]
         for beam, through in shown.groupby("beam", sort=False):
             curves = []
             for key, rows in through.groupby(METHOD, sort=False):
@@ -136,10 +129,8 @@ def methods_figure(tables, kind, *, corrected=False, methods=None, columns=3):
             texts = [title, beam if table["beam"].nunique() > 1 else ""]
             panels.append({"title": ", ".join(filter(None, texts)), "curves": curves, **_labels(kind)})
     if not panels:
-        raise InputError(
-            "the records have no such curves: nothing was corrected, or by none of these methods."
-        )
-    columns = min(columns, len(panels))
+        raise InputError("the records have no such curves: nothing was corrected.")
+    columns = min(3, len(panels))
     for n, panel in enumerate(panels):
         if n % columns:
             del panel["ylabel"]
@@ -168,9 +159,9 @@ def signed(value):
     return f"{100 * value:+.{digits}f}\N{NO-BREAK SPACE}%".replace("-", "−")
 
 
-def methods_table(tables, *, of=JUDGED):
+def methods_table(tables):
     """(header, rows) of texts: the `distances` of each method through each beam, as it is and corrected."""
-    labels, by_key = labels_of(tables[0]), distances(tables, of)
+    labels, by_key = labels_of(tables[0]), distances(tables)
     beams = list(dict.fromkeys(beam for beam, *_ in labels))
     rows = []
     for method, text in dict.fromkeys(labels.values()):

@@ -134,15 +134,10 @@ def in_bands(table):
     return (sums["weighted"] / sums["weight"]).rename("ratio")
 
 
-def distances(tables, of=JUDGED):
-    """How far the mean over skies of the worst band is from 1, in the table where that is most; signed.
+def distances(tables):
+    """How far the mean over skies of the worst of the `JUDGED` bands is from 1; signed.
 
-    Parameters
-    ----------
-    tables
-        Of the experiment, one for each Galaxy.
-    of
-        Names of the bands among which the worst is.
+    Of some tables of the experiment, such as one for each Galaxy, it is that where the distance is most.
 
     Returns
     -------
@@ -150,7 +145,7 @@ def distances(tables, of=JUDGED):
         {(beam, method, n_sources, corrected): distance}, below 0 where power is missing.
     """
     means = pd.concat([in_bands(table).groupby([*METHOD, "band"], sort=False).mean() for table in tables])
-    judged = means[means.index.get_level_values("band").isin(of)] - 1
+    judged = means[means.index.get_level_values("band").isin(JUDGED)] - 1
     return judged.groupby(METHOD, sort=False).agg(lambda one: max(one, key=abs)).to_dict()
 
 
