@@ -98,6 +98,8 @@ def skies(*, errors=_ERRORS, **settings):
     beam = cases[0].beam
     beams = {("width", 0.0): beam}
     for kind, several in errors.items():
+        if not isinstance(several, list | tuple):
+            raise InputError(f"errors of each kind are a list, such as {{'width': [0.01]}}, got {errors!r}.")
         beams |= {(kind, error): assumed_beam(beam, kind, error) for error in several}
     for assumed in beams.values():
         assumed.of_survey(cases[0].survey)  # fails now

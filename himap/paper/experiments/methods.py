@@ -47,7 +47,8 @@ def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
         refuses.
     """
     whole_number("n_mocks", n_mocks, 1, 1000)
-    if not isinstance(beams, list | tuple) or not beams or len(set(beams)) < len(beams):
+    are_names = isinstance(beams, list | tuple) and all(isinstance(beam, str) for beam in beams)
+    if not are_names or not beams or len(set(beams)) < len(beams):
         raise InputError(f"beams must be a list of names, each once, got {beams!r}.")
     observed = []
     for place, beam in enumerate(beams):
@@ -55,7 +56,7 @@ def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
         pairs = [pair for n, pair in enumerate(pairs) if pair not in pairs[:n]]
         observed.append(grid.cases_and_methods(beam=beam, methods=pairs, **settings))
     there = {remover.name for _, removers in observed for remover in removers}
-    if unknown := set(corrected) - there:
+    if unknown := {*map(str, corrected)} - there:
         absent, present = (", ".join(sorted(names)) for names in (unknown, there))
         raise InputError(f"to be corrected is {absent}, but the methods are {present}.")
     return grid.skies_of(*observed, n_mocks=n_mocks, corrected=tuple(corrected))

@@ -58,6 +58,8 @@ def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
         raise InputError(
             f"there must be beams, and factors on the noise, 1 first, above 0; got {list(noises)!r}."
         )
+    if not all(isinstance(name, str) for name in (*beams, *methods)):
+        raise InputError(f"beams and methods are lists of names, got {beams!r} and {methods!r}.")
     counts = range(1, n_sources_max + 1)
     removers = [create(name, n_sources=n) for name in dict.fromkeys(methods) for n in counts]
     observed = []
