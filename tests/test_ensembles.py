@@ -77,7 +77,7 @@ def test_failures_by_reading_case_and_number_of_sources():
         ]
     )
     first, second = ensembles.failures(rows).to_dict("records")
-    assert (first["reading"], first["failed"], first["members"], first["skies"]) == ("code", 3, 6, 2)
+    assert (first["reading"], first["failed"], first["members"]) == ("code", 3, 6)
     assert first["low"] < 0.5 < first["high"] and first["high"] - first["low"] > 0.5
     assert (second["reading"], second["failed"], second["low"]) == ("letter", 0, 0)
 

@@ -140,13 +140,12 @@ def _largest_differences(one, two, axis=-1):
 def failures(rows):
     """How often SDecGMCA fails, a DataFrame with a row for each reading, case and number of sources.
 
-    `rows` are of the experiment `restarts`. Further columns: "failed", "members", "skies", and "low" and
-    "high", the Wilson interval of the probability, two sigma.
+    `rows` are of the experiment `restarts`. Further columns: "failed", "members", and "low" and "high", the
+    Wilson interval of the probability, two sigma.
     """
     errors = rows[rows["quantity"] == "mean error"]
     runs = errors.assign(failed=~(errors["value"] <= FAILING)).groupby(_RUN, sort=False)
-    counts = {"failed": ("failed", "sum"), "members": ("failed", "size"), "skies": ("seed", "nunique")}
-    table = runs.agg(**counts).reset_index()
+    table = runs["failed"].agg(failed="sum", members="size").reset_index()
     table[["low", "high"]] = [wilson(*pair, z=2) for pair in table[["failed", "members"]].to_numpy()]
     return table
 

@@ -257,21 +257,20 @@ class Record:
         if all(moved(code, about["code"]) for code in self.codes):
             raise InputError("the record was made by other code; see with --check if that gives the same.")
         recorded, given = (dict(made["overrides"]).get(_RESTARTS) for made in (self.about, about))
-        one_by_one = self.experiment.other_restarts is not None
-        if given != recorded and (not one_by_one or given < recorded):
-            more = " or more" if one_by_one else ""
+        other_restarts = self.experiment.other_restarts
+        if given != recorded and (other_restarts is None or given < recorded):
+            more = " or more" if other_restarts else ""
             raise InputError(
                 f"the record has {recorded} restarts of every sky: give n_restarts={recorded}{more}."
             )
-        return [rest for sky in skies if (rest := self._rest_of(sky)) is not None]
-
-    def _rest_of(self, sky):
-        """A sky, or it with the restarts that the record does not have; None where it has all."""
-        known = self.rows[self.rows["seed"] == sky.survey.seed]
-        if known.empty:
-            return sky
-        find = self.experiment.other_restarts
-        return None if find is None else find(sky, {*known["restart"]})
+        missing = []
+        for sky in skies:
+            known = self.rows[self.rows["seed"] == sky.survey.seed]
+            if known.empty:
+                missing.append(sky)
+            elif other_restarts and (rest := other_restarts(sky, {*known["restart"]})):
+                missing.append(rest)
+        return missing
 
     def grow(self, rows, about):
         """This record with more rows, the time of all, and the commits that added to it."""
