@@ -61,30 +61,29 @@ def excess_of_masking(sky):
     unmasked = each(sky, LEFT_IN.format("oscillating"), measure, BSS)
     masked = {spread: each(sky, case, measure, BSS) for spread, case in clips.items()}
     counts = {spread: sky.masked_voxels(case) for spread, case in clips.items()}
-    shares = {}
+    gone, ripples = {}, {}
     for spread, row in masked.items():
-        gone = {
+        gone[spread] = {
             name: 1 - (unmasked[name] - 1) / (value - 1) if value > STRONG else None
             for name, value in row.items()
         }
         ripple = counts[spread]["foreground"] / max(sum(counts[spread].values()), 1)
-        ripple = None if {*gone.values()} == {None} else ripple
-        shares[f", sigma of the {spread}"] = gone | {"ripple": ripple}
+        ripples[spread] = None if {*gone[spread].values()} == {None} else ripple
 
-    def parts_with(row, clip=""):
-        gone, ripple = {name: row[name] for name in unmasked}, {"ripple": row["ripple"]}
+    def parts_with(spread, clip=""):
+        ripple = {"ripple": ripples[spread]}
         return (
-            *parts_of(gone, above(MOST), f"excess gone without masking{clip}", main=not clip),
+            *parts_of(gone[spread], above(MOST), f"excess gone without masking{clip}", main=not clip),
             *parts_of(ripple, above(NOTABLE), f"among the masked voxels{clip}", main=not clip),
         )
 
-    best = max(shares.values(), key=lambda row: sum(part.held is True for part in parts_with(row)))
+    best = max(clips, key=lambda spread: sum(part.held is True for part in parts_with(spread)))
     parts = parts_with(best)
-    for clip, row in shares.items():
-        parts += parts_with(row, clip)
+    for spread in clips:
+        parts += parts_with(spread, f", sigma of the {spread}")
     wording = {"Mean C/C0 at l < 10 by the sigma of the clipping": masked, "without masking": unmasked}
     wording |= {"masked voxels by what stands out most": counts}
-    return finding(best["ripple"], parts, wording)
+    return finding(ripples[best], parts, wording)
 
 
 @claim("B1", "all three", "4.1, B", "B.3", "smallest ratio of total MSE, without over with", "> 1")
