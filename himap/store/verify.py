@@ -99,7 +99,7 @@ def verify(module, *, renew=False, report=print):
     for name in calls.keys() - ([] if renew else others):
         probes["calls"][name]["code"] = accepts.get(codes[name], codes[name])
     _store(fingerprint.ACCEPTED, {**fingerprint.accepted_digests(), **tree.accepts, **accepts})
-    calls_now = {name: probes["calls"][name] for name in calls}
+    calls_now = {name: probes["calls"][name] for name in sorted(calls)}
     _store(fingerprint.PROBES, {"calls": calls_now, "places": places})
     return others
 
