@@ -216,6 +216,8 @@ FIXED = [  # (code, other code)
     ("return D", "return C"),
     ("return first", "return second"),
     ("global k; k = 1", "k = 1"),
+    ("return claims_of(1)", "return claims_of(2)"),
+    ("return my_claim(1, 2, 3)", "return my_claim(1, 2, 4)"),
 ]
 AROUND = """
 import numpy as np

@@ -24,12 +24,11 @@ _ENTRY = {"statement", "number", "paper", "section", "figure", "notebook", "form
 WORDS = {
     "parameter": (1, {"help"}),
     "claim": (2, _ENTRY),
-    "claims_of": (0, _ENTRY),
     "not_applicable": (0, _ENTRY),
     "finding": (2, _ENTRY),
     "Finding": (2, {"sentence"}),
 }
-"""{function: (how many positional arguments count, which keywords are words)}; "claim" for all "_claim"."""
+"""{function: (how many positional arguments count, which keywords are words)}"""
 
 
 class Hole(NamedTuple):
@@ -145,9 +144,8 @@ class Writer:
 
     def _Call(self, node):
         args, keywords = node.args, node.keywords
-        name = "claim" if called(node).endswith("_claim") else called(node)
-        if name in WORDS:
-            n_args, words = WORDS[name]
+        if called(node) in WORDS:
+            n_args, words = WORDS[called(node)]
             args, keywords = args[:n_args], [key for key in keywords if key.arg not in words]
         elif self._is_ignored(node.func):
             if called(node) == "progress" and args:
