@@ -80,7 +80,7 @@ def clean_cube(cube, method, *, beams=None, peaks=True, restarts=None, seed=2025
     beams
         b_l, (n_channels, lmax + 1), for methods that use them (`beams_of`).
     peaks
-        Whether the foreground is looked for in maps whose peaks are masked (paper, Sect. 4.1).
+        Whether the foreground is estimated from maps whose peaks are masked (paper, Sect. 4.1).
     restarts
         From how many starts a chaotic method, SDecGMCA, cleans it; 4 unless given. The result is the medoid.
     seed

@@ -118,9 +118,9 @@ def _head(cleaned, said):
         "method": ", ".join([method.name, *parameters]),
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
         "sky": f"{pixels.described(cube.layout.unit)}; {cube.mask.mean():.1%} seen",
-        "rms of what came": f"{rms_before:.4g} mK",
+        "rms of the input": f"{rms_before:.4g} mK",
         "rms of the residual": f"{rms_after:.4g} mK",
-        "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was looked for",
+        "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was estimated",
         "iterations": f"{cleaned.separation.n_iterations}",
     }
     return [Table([], facts.items()), *map(note, [*said, *cleaned.remarks])]
