@@ -457,9 +457,9 @@ rule = 1 - np.array(scanned) / n_channels
 power.append((scanned, rule, {"label": f"1 - $n_s$ / {n_channels}", "color": "black", "linestyle": ":"}))
 panels = [
     axis | {"curves": split, "ylabel": "part of the relative MSE", "yscale": "log", "ylim": (1e-5, 1e2)},
-    axis | {"curves": power, "ylabel": "mean ratio", "legend": {"loc": "lower left"}},
+    axis | {"curves": power, "ylabel": "mean ratio"},
 ]
-study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
+study.stamped(plotting.lines(panels, size=(5, 3.9), legend_above=True), beam=selected, **stated)
 
 # %% [markdown]
 # The same for SDecGMCA, with the mean Pearson $r$ ({doc}`14_diagnostics`):
