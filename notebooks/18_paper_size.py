@@ -32,8 +32,7 @@
 # SDecGMCA and, as the figures, an HI box of 1024³ cells, which are {glue:text}`paper_size_cell` wide; a pixel
 # at the far end is {glue:text}`paper_size_pixel` wide. The other has the paper's 2048³ cells and a single run
 # of SDecGMCA in an earlier default reading, `code-rounding` continued beyond ℓ = 200 with its ε; so has the
-# ledger with smoothed HI. The figures of the synthetic Galaxy have `instrument-noise` ({doc}`16_readings`).
-# {doc}`01_simulations` compares the two boxes.
+# ledger with smoothed HI ({doc}`16_readings`). {doc}`01_simulations` compares the two boxes.
 #
 # The results are stored in `book/results`; {doc}`../book/contributing` has the commands and {doc}`19_scale`
 # the times.
@@ -108,18 +107,16 @@ quote(
 # ## The figures
 #
 # All figures of the paper at its size, each for the real Galaxy and then the synthetic one. The linked
-# chapter states what each shows, and has both Galaxies at this size among its interactive curves. Those of
-# the real Galaxy have eight restarts of SDecGMCA, the scan over the number of sources one; those of the
-# synthetic Galaxy are of an older run, with one restart in the reading named above. Of restarts lines are medians, bands their 16 to 84 % and
-# thin lines single ones; ratios are linear near 1 and logarithmic beyond where a figure of the real Galaxy says
-# so, and those of the synthetic one are linear and cut off. The restarts of the figures are other draws than
-# those of the ledger: SDecGMCA recovers the angular power through the oscillating beam as the paper has it (O3) in
+# chapter states what each shows, and has both Galaxies at this size among its interactive curves. All have
+# eight restarts of SDecGMCA, the scan over the number of sources one. Of restarts lines are medians, bands
+# their 16 to 84 % and thin lines single ones; ratios are linear near 1 and logarithmic beyond where a figure
+# says so. The restarts of the figures are other draws than those of the ledger: on the real Galaxy SDecGMCA
+# recovers the angular power through the oscillating beam as the paper has it (O3) in
 # {glue:text}`00_the_answer.ipynb::answer_figures_held:s` of the figures'
 # {glue:text}`00_the_answer.ipynb::answer_figures_restarts:s` and in
 # {glue:text}`00_the_answer.ipynb::answer_large_held:s` of the ledger's
-# {glue:text}`00_the_answer.ipynb::answer_large_restarts:s`. In Fig. 5 the medoid flags lines of sight in much of
-# the sky outside the Galactic plane; restarts differ (M1). All numbers
-# are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# {glue:text}`00_the_answer.ipynb::answer_large_restarts:s`. In Fig. 5 the medoid of the real Galaxy flags lines
+# of sight in much of the sky outside the Galactic plane; restarts differ (M1). All numbers are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]
 Markdown(pictures([real, synthetic], folder))
