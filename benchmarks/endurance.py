@@ -120,7 +120,7 @@ def share(trial, n_processes, chance):
 
 
 def fill_disk(trial, n_times, chance):
-    """No file may grow beyond a random size, which stands for the end of the disk.
+    """No file may grow beyond a random size, which simulates a full disk.
 
     Standard error goes to a file too, and what is said before the disk is full has to fit.
     """

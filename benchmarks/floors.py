@@ -143,7 +143,7 @@ def analysis(survey, _):
 
 
 def beam_subspace(survey, found):
-    """As `sdecgmca`, and a transform for each spectrum of what is taken."""
+    """As `sdecgmca`, and a transform for each spectrum that is subtracted."""
     return replace(sdecgmca(survey, found), transforms_single=len(found.foreground.maps))
 
 

@@ -1,4 +1,4 @@
-"""Gather the paper's figures from executed copies of the notebooks, for the book to show beside its own.
+"""Gather the paper's figures from executed copies of the notebooks, for the book to show with its own.
 
     python book/collect_figures.py results/*_paper_*templates*.ipynb book/results/paper_templates
 

@@ -459,9 +459,9 @@ show_table(rows, columns=4)
 # - **So the correction is a systematic error too.** As that is assumed and not measured, the whole of what was
 #   subtracted is quoted, and added in quadrature. That is too cautious where much was subtracted, as for
 #   GMCA, PCA at `laptop`, and BeamSubspace with three sources on the real Galaxy.
-# - **The error bars of SmoothSpectra are too small** at `quick`, most with the synthetic Galaxy, and at `laptop`
-#   with the real one. Its means at the lowest $\ell$, with the synthetic Galaxy also at the lowest $k_\nu$, are too high. Its power there
-#   differs more between skies than between members of one sky.
+# - **The error bars of SmoothSpectra are too small** at `quick`, most with the synthetic Galaxy, and at
+#   `laptop` with the real one. Its means at the lowest $\ell$, with the synthetic Galaxy also at the lowest
+#   $k_\nu$, are too high. Its power there differs more between skies than between members of one sky.
 # - **A source in which HI is as bright as the foreground is not corrected well.** BeamSubspace with four
 #   sources loses more HI at the lowest $k_\nu$ than the mocks say, most on the real Galaxy. The estimated
 #   foreground has the right power there but is a Gaussian field, and that of the Galaxy is not.

@@ -2,7 +2,7 @@
 caption; below the caption its numbers, its notebook, the command that makes it again, a link that stays, how
 to cite it, and the numbers at the paper's size where they are stored.
 
-The numbers become the file ``_static/data/NAME.csv`` or ``.npz`` beside the pages, NAME being that of the
+The numbers become the file ``_static/data/NAME.csv`` or ``.npz`` with the pages, NAME being that of the
 figure; those of the paper's size ``_static/data/FOLDER.json``.
 
 ``{gallery} paper`` has thumbnails of the figures of the paper that lead to them, ``{gallery} chapters`` those

@@ -1,8 +1,8 @@
-"""Sphinx extension: what the theme's pages have beside text.
+"""Sphinx extension: what the theme's pages have besides text.
 
 They need no network, and load no more than they use. Sphinx links MathJax from a server of its makers; the
-package sphinx-mathjax-offline holds a copy, and the parts of it that a page can ask for are put beside the
-pages (2.5 MB of 24 MB). What the theme adds without use is taken out: icons as scripts (1.5 MB; there are
+package sphinx-mathjax-offline holds a copy, and the parts of it that a page can ask for are copied to the
+pages (2.5 MB of 24 MB). What the theme adds without use is removed: icons as scripts (1.5 MB; there are
 fonts of them), icons of brands, and the settings of Thebe, which would run code on a server and come
 twice, so that browsers report an error. Results of the search are without the parts of a page that are no
 text, by a script that only its page loads.

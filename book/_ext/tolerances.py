@@ -1,7 +1,7 @@
 """Sphinx extension: tables of notebooks without the tolerance of re-execution.
 
 A notebook keeps ``value ± tolerance``, by which a test judges whether it comes out the same elsewhere
-(`himap.figures.numbers`). On a page that reads like an error bar, so a number stands there as in the prose:
+(`himap.figures.numbers`). On a page that reads like an error bar, so a number is shown there as in the prose:
 to the digits that the tolerance is sure of, the rest in a text that shows when one points at it.
 """
 

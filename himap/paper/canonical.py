@@ -158,7 +158,7 @@ def _call_of(product, arguments, shown=None):
 
 
 def _separated(separation):
-    """What is taken, and the size of its spectra: signs are those of eigenvectors, which nothing fixes."""
+    """What is subtracted, and the size of its spectra: signs are those of eigenvectors, which are arbitrary."""
     return separation.foreground.cube(), np.abs(separation.mixing), separation.lmax
 
 

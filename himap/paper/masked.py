@@ -1,4 +1,4 @@
-"""A mask inside of the separation, beside what else is done about a bright plane, on the same pixels.
+"""A mask inside of the separation, compared with other ways to treat a bright plane, on the same pixels.
 
 Every way is measured on the pixels of a `Region` that are farther than a margin from its edge: what a beam
 mixes across the edge is seen there, and no method is asked for it.

@@ -72,7 +72,7 @@ def methods_for(beam, n_sources=None, *, method="sdecgmca", variable="temperatur
     variable
         Of the polynomial, as of `Polynomial`.
     method, options
-        As in `beam_aware_for`, which refuses bad ones: what stands in the place of SDecGMCA, and what differs
+        As in `beam_aware_for`, which refuses bad ones: what replaces SDecGMCA, and what differs
         from its defaults.
     """
     n = table_1(beam)["n_sources"] if n_sources is None else n_sources

@@ -181,6 +181,6 @@ def mocks_of_sky(seed, n_mocks):
 
 def first_mocks(n_mocks, cases):
     """So many usual mocks, with the first seeds from 1 that no sky of `cases` has."""
-    taken = {case.survey.seed for case in cases}
-    free = (seed for seed in itertools.count(1) if seed not in taken)
+    used = {case.survey.seed for case in cases}
+    free = (seed for seed in itertools.count(1) if seed not in used)
     return [Mock(seed=seed) for seed in itertools.islice(free, n_mocks)]

@@ -157,7 +157,8 @@ def signal(case, mask_peaks=True, lmax=None):
     """
     observed = observation(case)
     # What is far brighter than HI comes first, and cancels.
-    maps = (basis(case, mask_peaks) - observed.maps).astype(np.float32, copy=False)
+    maps = np.empty(observed.truth.shape, dtype=np.float32)
+    np.subtract(basis(case, mask_peaks), observed.maps, out=maps, casting="same_kind")
     maps += observed.truth
     maps -= maps.mean(axis=1, keepdims=True, dtype=np.float64)
     return maps if lmax is None else cut_cube(maps, lmax)

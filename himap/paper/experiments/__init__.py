@@ -7,8 +7,16 @@ from himap.core.errors import InputError
 __all__ = ["EXPERIMENTS", "find_experiment"]
 
 EXPERIMENTS = (
-    *("authors", "beam_errors", "boxes", "claims", "flags"),
-    *("methods", "n_sources", "readings", "restarts", "transfer"),
+    "authors",
+    "beam_errors",
+    "boxes",
+    "claims",
+    "flags",
+    "methods",
+    "n_sources",
+    "readings",
+    "restarts",
+    "transfer",
 )
 """Their names."""
 
