@@ -158,7 +158,7 @@ def _call_of(product, arguments, shown=None):
 
 
 def _separated(separation):
-    """What is subtracted, and the size of its spectra: signs are those of eigenvectors, which are arbitrary."""
+    """What is subtracted, and the size of its spectra: the signs of eigenvectors are arbitrary."""
     return separation.foreground.cube(), np.abs(separation.mixing), separation.lmax
 
 
