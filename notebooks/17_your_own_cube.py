@@ -156,7 +156,7 @@ cleaned = clean_cube(cube, "pca", n_sources=n_sources)
 # %% [markdown]
 # The left panel shows which eigenvalues were removed. Spectra that oscillate with frequency (right) describe the ripple of the beam.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube before and after cleaning; the last ones, as many as there were sources, are then zero to rounding. Right: removed spectra."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-own-modes", "caption": "Left: eigenvalues of the cube before and after cleaning. Right: removed spectra."}}
 study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]

@@ -7,7 +7,7 @@ import pytest
 from cube_files import FREQS, N_PIX, power_law_maps, power_laws, run, write_hdf5
 
 from himap.core.errors import InputError
-from himap.cubes import clean_cube, correct, measure_transfer, read_cube, suggestion, write_report
+from himap.cubes import clean_cube, correct, measure_transfer, read_cube, report, suggestion, write_report
 from himap.cubes.spectra import check_truth, spectra_of
 from himap.measures import n_sources
 from himap.paper.patch import PatchPower
@@ -199,6 +199,17 @@ def test_rms_on_the_page_is_of_what_is_seen(cube, tmp_path):
     write_report(cleaned, tmp_path / "a.html")
     page = (tmp_path / "a.html").read_text()
     assert "<h2>Spectra</h2>" in page and all(f">{value:.4g} mK<" in page for value in rms)
+
+
+def test_the_map_on_the_page_is_empty_where_the_channel_is(cube, monkeypatch):
+    """And its colours are those of what is seen, without zeros for what is not."""
+    cleaned, drawn = clean_cube(cube, "pca", n_sources=2), {}
+    monkeypatch.setattr(report.plotting, "sky_maps", lambda maps, span: drawn.update(maps=maps, span=span))
+    report.maps_figure(cleaned)
+    title, middle = next(iter(drawn["maps"])), len(cube.freqs) // 2
+    seen = ~cube.missing[middle]
+    assert np.array_equal(np.isfinite(drawn["maps"][title][cube.mask]), seen) and not seen.all()
+    assert drawn["span"][title] == pytest.approx(np.percentile(cleaned.residual[middle, seen], (1, 99)))
 
 
 def test_channels_that_a_mask_leaves_nothing_of(cube):

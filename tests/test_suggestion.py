@@ -111,6 +111,16 @@ class TestSuggestion:
         assert suggestion.advice(found).endswith("try larger ones, or a method that knows the beam.")
         assert suggestion.advice(replace(found, widths=(1.0, 2.0))).endswith("try larger ones.")
 
+    def test_what_is_said_of_a_criterion_that_still_falls(self):
+        """Not that no number is stable, where the table has one that is."""
+        falling = {"criterion": -np.arange(5.0), "change": np.array([0.5, 0.2, 0.05, 0.03]), "n_bright": 7}
+        found = made_up(n_sources=np.arange(1, 6), stable=3, **falling)
+        assert found.range is None
+        assert suggestion.advice(found).startswith("The criterion still falls at 5, the last number")
+        found = replace(found, criterion=np.array([1, 0, 1, 2, 3.0]))
+        assert "n_sources = 2 to 5" in suggestion.advice(found)
+        assert "7 eigenvalues exceed HI and noise: try larger ones too." in suggestion.advice(found)
+
     def test_what_both_say_counts_where_nothing_is_stable(self):
         """With few channels each source takes so much HI that spectra never stand still."""
         found = made_up()

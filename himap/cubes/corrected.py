@@ -34,7 +34,7 @@ def remarks_on(corrected):
         # From the mocks it differs at `LEVEL`, by all errors; where little is lost, only what is more counts.
         n_mocks = len(one.sample)
         bar, systematic, sample = one.errors_in(inside)
-        expected = one.expected[inside].mean() / one.corrected[inside].mean()
+        expected = 1 / np.mean(one.corrected[inside] / one.expected[inside])  # of ratios, as errors are
         sigma = np.linalg.norm([bar, systematic, sample * expected * np.sqrt(1 + 1 / n_mocks)])
         chance = len(places) * chance_of(abs(1 - expected) / sigma, n_mocks)
         if chance < LEVEL and (expected < 1 or one.share[inside].mean() < 1 - _LOST):

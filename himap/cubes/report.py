@@ -40,8 +40,8 @@ _WEDGE = (
 )
 _MODES = (
     "Foreground components exceed the slow decline of HI and noise. Cleaned eigenvalues above HI and "
-    "noise mean too few sources; spectra that are one spike mean too many. The last eigenvalues after "
-    "cleaning, as many as there were sources, are zero but for rounding."
+    "noise mean too few sources; spectra that are one spike mean too many. Where a method projects and no "
+    "peaks are masked, the last eigenvalues after cleaning, as many as there were sources, are zero."
 )
 _MAPS = (
     "HI and noise look alike in all directions. Structure that follows the Galaxy or point sources is "
@@ -241,17 +241,17 @@ def modes_figure(cleaned):
 
 
 def maps_figure(cleaned):
-    """The residual in the channel in the middle, and its rms over channels; grey where nothing is seen."""
+    """The residual in the channel in the middle, and its rms over channels; empty where nothing is seen."""
     cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
     n_seen = len(cube.freqs) if cube.missing is None else np.count_nonzero(~cube.missing, axis=0)
     seen = {
-        f"residual at {cube.freqs[middle]:g} MHz": cleaned.residual[middle],
+        f"residual at {cube.freqs[middle]:g} MHz": cleaned.residual_with_nan[middle],
         "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / n_seen),
     }
     maps = {title: np.full(len(cube.mask), np.nan) for title in seen}
     for title, values in seen.items():
         maps[title][cube.mask] = values
-    spans = {title: tuple(np.percentile(values, (1, 99))) for title, values in seen.items()}
+    spans = {title: tuple(np.nanpercentile(values, (1, 99))) for title, values in seen.items()}
     if cube.image is None:
         return plotting.sky_maps(maps, span=spans)
     images = {title: values.reshape(cube.image.shape) for title, values in maps.items()}

@@ -212,7 +212,10 @@ def advice(suggestion):
         most = "there are too few channels for more"
         if suggestion.n_sources[-1] < len(suggestion.eigenvalues) - 1:
             most = f"try larger ones{other}"
-        return f"No number {tried} leaves both spectra as they are with one more: {most}."
+        why = f"No number {tried} leaves both spectra as they are with one more"
+        if suggestion.best == suggestion.n_sources[-1]:
+            why = f"The criterion still falls at {suggestion.best}, the last number that was tried"
+        return f"{why}: {most}."
     low, high = suggestion.range
     if low < high:
         numbers = f"{low} to {high}, and look at the page of each"
@@ -230,6 +233,8 @@ def advice(suggestion):
         method = f"{method} with a beam of {least:.3g} to {most:.3g} deg FWHM"
         only = "this method and beam alone: run it again for others"
     sentences = [f"For {method}, consider n_sources = {numbers}."]
+    if not suggestion.criterion_alone and suggestion.n_bright > suggestion.n_sources[-1]:
+        sentences.append(f"{suggestion.n_bright} eigenvalues exceed HI and noise: try larger ones too.")
     last = np.flatnonzero(suggestion.n_sources == high)[0]
     if last < len(suggestion.change):
         more = f"{suggestion.change[last]:.1%} in the mean over its scales"

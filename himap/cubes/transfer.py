@@ -35,7 +35,7 @@ class Corrected:
     errors
         Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
     sample
-        Power of each mock over their mean, less 1, (n_mocks, n): sample variance and noise, in no error bar.
+        Of each mock, (n_mocks, n): sample variance and noise (`TransferFunction.sample`), in no error bar.
     expected
         The mean power of the mocks in the place of `corrected`.
     systematic
@@ -78,7 +78,10 @@ class Corrected:
         return sigma(relative @ np.transpose(bins)) if len(relative) > 1 else np.full(len(bins), np.nan)
 
     def errors_in(self, inside):
-        """Error bar, systematic error and sample variance of the mean over `inside`, (n,) bool, over it."""
+        """Relative error bar, systematic error and sample variance of the mean over `inside`, (n,) bool.
+
+        Of the systematic error the means of powers are compared, of the others the ratios at each l or k.
+        """
         bins, systematic = [inside / inside.sum()], self.systematic[inside].mean()
         systematic = abs(systematic / self.corrected[inside].mean())
         return self.sigma(bins)[0], systematic, self.sigma(bins, "sample")[0]

@@ -198,9 +198,13 @@ class TransferFunction:
         return np.array(errors)
 
     def sample(self, kind):
-        """Power of each mock over the mean of all, less 1, (n_mocks, n): sample variance and noise."""
-        powers = np.array([getattr(mock.input, kind) for mock in self.mocks])
-        return quotient(powers, np.broadcast_to(powers.mean(axis=0), powers.shape)) - 1
+        """Power of each mock over the mean of all, less 1, (n_mocks, n): sample variance and noise.
+
+        Times the root of n / (n - 1) of n mocks, as each is in the mean (Bessel's correction).
+        """
+        powers, n_mocks = np.array([getattr(mock.input, kind) for mock in self.mocks]), len(self.mocks)
+        ratios = quotient(powers, np.broadcast_to(powers.mean(axis=0), powers.shape))
+        return (ratios - 1) * np.sqrt(n_mocks / max(n_mocks - 1, 1))
 
 
 def _fit(kind, mocks):
