@@ -164,7 +164,10 @@ class TestCheckAndGrow:
     def test_one_sky_again(self, written, seen):
         code, out, err = written(*CLAIMS, "--check", "a.json")
         assert (code, err) == (0, "") and len(seen[-1]) == 1
-        assert out == "a.json: 8 rows of one sky are the same with today's code.\n"
+        assert out == (
+            "a.json: 4 rows of one sky are the same with today's code; 4 of single runs of a chaotic method "
+            "are not compared.\n"
+        )
         record = stored("a.json")
         assert len(record.seeds) == 2 and record.about["checked"]["code"] == measuring_code("claims")
 
@@ -197,6 +200,22 @@ class TestCheckAndGrow:
             "a.json: 1 rows of one sky are the same with today's code; 1 of single runs of a chaotic method "
             "are not compared.\n"
         )
+
+    def test_what_a_chaotic_run_made_of_claims_is_not_compared(self, himap_command, monkeypatch):
+        """But what other methods made of them, and what stands in the place of that method."""
+        content, tables = json.loads((RESULTS / "claims_laptop_run.json").read_text()), []
+        rows = Record.load(find_experiment("claims"), RESULTS / "claims_laptop_run.json").rows
+        rows = rows[rows["seed"] == content["about"]["seed"]]
+        for method, changed, code in (
+            ("sdecgmca", "SD", 0),
+            ("sdecgmca", "GMCA", 2),
+            ("beam_subspace", "SD", 2),
+        ):
+            tables[:] = [rows, rows.assign(value=rows["value"].where(rows["method"] != changed, 7.0))]
+            monkeypatch.setattr(Experiment, "table", lambda self, skies: tables.pop(0))
+            options = ("-p", f"method={method}", "-p", "n_realisations=1", "-p", "n_restarts=1")
+            assert himap_command(*CLAIMS, *options, "-o", "a.json", "--overwrite")[0] == 0
+            assert himap_command(*CLAIMS, "--check", "a.json")[0] == code
 
     @pytest.mark.parametrize(
         ("option", "n_restarts", "message"),
@@ -239,6 +258,17 @@ class TestCheckAndGrow:
         assert (record.rows.groupby("seed")["restart"].nunique() == 4).all()
         assert written(*grow)[0] == 0 and len(seen) == 4
         assert written(*CLAIMS, "--check", "a.json")[::2] == (0, "")  # the order of rows is another
+
+    def test_the_restarts_that_it_states_are_those_of_every_sky(self, written):
+        """Not of the few that have more, nor what was asked of a method without restarts."""
+        one_sky = (*CLAIMS, "--grow", "a.json", "-p", "n_realisations=1", "-p", "n_restarts=4")
+        assert written(*one_sky)[0] == 0
+        assert dict(stored("a.json").about["overrides"])["n_restarts"] == 2
+        assert written(*CLAIMS, "-p", "method=beam_subspace", "-o", "b.json")[0] == 0
+        assert dict(stored("b.json").about["overrides"])["n_restarts"] == 1
+
+    def test_a_parameter_at_its_default_is_no_other_one(self, written):
+        assert written(*CLAIMS, "--check", "a.json", "-p", "plane_weight=0.1")[::2] == (0, "")
 
     def test_what_is_measured_stays(self, written, monkeypatch):
         table = Experiment.table

@@ -132,9 +132,8 @@ class Record:
     rows
         DataFrame with its columns.
     about
-        {name: value}: the fields of a `Provenance`, and "code", the fingerprint of the measuring code; with
-        "checked" where one sky was measured again, {"code", "commit", "dirty"}, and "grown", the commits that
-        added skies.
+        {name: value}: the fields of a `Provenance`, and "code", the fingerprint of the measuring code;
+        "checked", {"code", "commit", "dirty"}, where a sky was measured again; "grown", commits of others.
     """
 
     experiment: Experiment
@@ -210,8 +209,7 @@ class Record:
         about
             Their provenance, as of the record.
         drawn
-            Which rows are single draws: their numbers, of which another processor has others, are not
-            compared.
+            Which rows are single draws, whose numbers are not compared.
 
         Raises
         ------
@@ -230,8 +228,7 @@ class Record:
                 f"the record has {len(stored)} rows of the seed {seed}, {len(rows)} were measured: give the "
                 "parameters that it was made with."
             )
-        named = {"seed", *self.experiment.key}
-        drawn = rows["drawn"].to_numpy()
+        named, drawn = {"seed", *self.experiment.key}, rows["drawn"].to_numpy()
         differing = [~_agree(name, stored, rows, key) & ~(drawn & (name not in named)) for name in columns]
         moved_rows = np.any(differing, axis=0)
         if moved_rows.any():
@@ -276,10 +273,8 @@ class Record:
         """This record with more rows, the time of all, and the commits that added to it."""
         rows = pd.concat([self.rows, rows], ignore_index=True)
         overrides = dict(self.about["overrides"]) | {_SKIES: rows["seed"].nunique()}
-        if _RESTARTS in overrides:
-            overrides[_RESTARTS] = dict(about["overrides"])[_RESTARTS]
         changed = {
-            "overrides": [list(pair) for pair in overrides.items()],
+            "overrides": [list(pair) for pair in (overrides | restarts_of(rows)).items()],
             "seconds": self.about["seconds"] + about["seconds"],
             "grown": list(dict.fromkeys([*self.about.get("grown", []), about["commit"]])),
         }
@@ -303,6 +298,12 @@ class Record:
             raise InputError(
                 f"the record was made with other parameters ({', '.join(differing)}): give those."
             )
+
+
+def restarts_of(rows):
+    """{"n_restarts": how many every sky of some rows has}; {} where they are of no restarts."""
+    each = rows.groupby("seed")["restart"].nunique() if "restart" in rows else []
+    return {_RESTARTS: int(min(each))} if len(each) else {}
 
 
 def _column(values, name, kind):

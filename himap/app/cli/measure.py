@@ -59,7 +59,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     """
     # Imported here: other commands need not wait for what does the work.
     from himap.paper.experiments import find_experiment
-    from himap.paper.record import Record, measuring_code
+    from himap.paper.record import Record, measuring_code, restarts_of
 
     experiment = find_experiment(name)
     path = grow if check is None else check
@@ -87,10 +87,10 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
 
     if check is not None:
         record.check_parameters(about(started))
-        if _single_draws(record.rows).all():  # before the work
+        if _single_draws(record.rows, chosen).all():  # before the work
             raise InputError(f"{path} has only single runs of chaotic methods: measure all of it again.")
         rows = experiment.table(skies[:1])
-        drawn = _single_draws(rows)
+        drawn = _single_draws(rows, chosen)
         record = Record.load(experiment, path)  # another command may have grown it meanwhile
         record.check(rows, about(started), drawn=drawn).save(path)
         n, more = drawn.sum(), "of single runs of a chaotic method are not compared"
@@ -99,6 +99,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         return
     if record is None:
         rows = experiment.table(skies)
+        stated |= restarts_of(rows)
         record = Record(experiment=experiment, rows=rows, about=about(started))
         record.save(path)
     else:
@@ -132,18 +133,22 @@ def _table(summary, note):
     return Table(header, rows, align=align, note=note)
 
 
-def _single_draws(rows):
-    """Which rows are of single runs of chaotic methods, an array.
+def _single_draws(rows, chosen):
+    """Which rows are of single runs of chaotic methods, an array, if so were the parameters `chosen`.
 
-    They are those with its name in the column "method"; where there is none, those of a restart.
+    They are those with its name in the column "method"; of restarts of the judged method, those that are not
+    about others alone.
     """
     from himap import removal
+    from himap.paper.claims.base import METHODS
     from himap.removal.restarts import has_restarts
 
     chaotic = [name for name in removal.available() if has_restarts(removal.create(name))]
-    if "method" in rows:
-        return rows["method"].isin(chaotic).to_numpy()
-    return np.full(len(rows), "restart" in rows)
+    of_restarts = "restart" in rows and chosen.get("method", "sdecgmca") in chaotic
+    if "method" not in rows:
+        return np.full(len(rows), of_restarts)
+    names = ["", METHODS["sdecgmca"]] if of_restarts else chaotic
+    return rows["method"].fillna("").isin(names).to_numpy()
 
 
 def _parameters(experiment, pairs, preset, recorded):
@@ -155,6 +160,8 @@ def _parameters(experiment, pairs, preset, recorded):
         if one.name not in experiment.without
     ]
     given = check_parameters(declared, recorded | parse_texts(declared, named_values(pairs, preset)))
+    usual = {one.name: one.default for one in declared}
+    given = {name: value for name, value in given.items() if name in recorded or value != usual[name]}
     for one in given.keys() & {"n_sources_min", "n_sources_max"}:
         whole_number(one, given[one], 1, _MOST_SOURCES)  # before so many are counted
-    return {one.name: one.default for one in declared} | given, given
+    return usual | given, given
