@@ -182,7 +182,7 @@ Table(head, CRIME, align="l" + 5 * "r")
 # $k_\nu < 0.3$ is reduced to {glue:text}`simulations_smooth_low`, and $C_\ell$ at
 # {glue:text}`simulations_small` to {glue:text}`simulations_smooth_small`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels (left), and frequency (right); 1320 to 1400 MHz, smaller box, finer cells. Smoothing removes power on small scales."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels (left), and frequency (right); 1320 to 1400 MHz, smaller box, finer cells. Smoothing reduces the power on all scales, most on small ones."}}
 near = replace(sky, freq_min=1320.0, freq_max=1400.0, n_channels=80, box_size=512.0, box_cells=192)
 panels = [
     {
@@ -236,8 +236,8 @@ quote(
 )
 
 # %% [markdown]
-# With cells as small as the paper's the code hardly matters, but the cell and the
-# smoothing do. Each row is a pair of runs,
+# With cells as small as the paper's the two codes flag nearly the same share of voxels (brightest voxel and
+# spectra were not compared there), while the cell and the smoothing change everything shown. Each row is a pair of runs,
 # whose band and beam are not stored; the row of `r_smooth` starts from another run, so that cell and smoothing
 # cannot be ranked. Claims B1 to B3 and D3 may depend on both: {doc}`18_paper_size` judges them with either.
 # At the smaller presets the cell smooths more than 2 Mpc/h does.

@@ -154,8 +154,8 @@ sources_figure(study, selected, remover)
 # %% [markdown]
 # ## The cleaned maps
 #
-# The difference has foreground residuals along the Galactic plane and around its centre, mostly signal loss
-# elsewhere.
+# The difference has foreground residual along the Galactic plane and around its centre; at high latitude this
+# and signal loss are of similar size ({doc}`12_post_masking`).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by PCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail

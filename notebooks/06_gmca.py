@@ -24,8 +24,8 @@
 # Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*:
 # in a wavelet basis a map has few large coefficients, and those of different sources are in different places.
 # It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`. {cite:t}`gkogkou2025`
-# report an excess of GMCA (Sect. 3.1.3) with the evolving beam, from intermediate $\ell$ down, and relate it
-# to its reliance on sparsity (Sect. 4.2). This chapter compares GMCA with PCA.
+# describe GMCA in Sect. 3.1.3. With the evolving beam they report an excess at intermediate and small scales,
+# which they consider likely due to its reliance on sparsity (Sect. 4.2.2). This chapter compares GMCA with PCA.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -167,8 +167,8 @@ quote(
 # $\mathbf{A}$; that of PCA leaves the smallest variance. The [conventions](../book/conventions.md) list what the paper leaves open about GMCA.
 #
 # The columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign cancel, so thresholds in mK
-# need not fall. $\mathbf{A}$ still drifts at the end, but its space hardly changes after the first
-# iterations.
+# need not fall. $\mathbf{A}$ still drifts at the end, but the angle of its space to that of PCA hardly changes
+# after the first iterations.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA."}}
 masked = pipeline.peak_masked(study.case(selected)).maps
@@ -214,7 +214,7 @@ study.stamped(
 # %% [markdown]
 # ## The removed components
 #
-# The spectra are positive, fall with frequency, and are closer to each other than those of FastICA.
+# The spectra are positive and fall with frequency.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-mixing", "caption": "Columns of the mixing matrix of GMCA, of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)

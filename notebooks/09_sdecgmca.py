@@ -197,8 +197,8 @@ sources_figure(study, selected, medoid, most=4)
 # %% [markdown]
 # ## The residual
 #
-# A restart that does not fail has little foreground along the Galactic plane, and its error has the scales of
-# HI; one that fails has a ridge there. The figure has the medoid.
+# The error can have foreground residual along the Galactic plane, and in restarts that fail in other parts of
+# the sky as well ({doc}`12_post_masking`); elsewhere it has the scales of HI. The figure shows the medoid.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "A channel in the middle of the band: observed, recovered by SDecGMCA (medoid of the restarts), truth (HI plus noise), and recovered minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for recovered and truth; white: no error."}}
 channel_figure(study, selected, medoid)
@@ -212,8 +212,8 @@ channel_figure(study, selected, medoid)
 angular_figure(study, removers)
 
 # %% [markdown]
-# The paper has a small peak at the ripple and an excess at low $k_\nu$. Through the oscillating
-# beam a restart that fails can have both, larger than in the paper; the others lose power at low $k_\nu$, and
+# In the paper SDecGMCA suppresses the peak at the ripple most, and has an excess at low $k_\nu$ like that of PCA.
+# Through the oscillating beam restarts that fail can have both here; the others lose power at low $k_\nu$, and
 # their peak is small.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
@@ -419,11 +419,13 @@ quote(
 
 # %% [markdown]
 # At the most sensitive multipole the highest $C/C_0$ is {glue:text}`sdecgmca_moves` times the lowest (left),
-# in the reading “{glue:text}`sdecgmca_other`” {glue:text}`sdecgmca_other_moves` times, for BeamSubspace
+# in the reading “{glue:text}`sdecgmca_other`” {glue:text}`sdecgmca_other_moves` times; so few restarts do not
+# rank the readings. For BeamSubspace, whose noise level was changed instead, it is
 # {glue:text}`sdecgmca_subspace_moves` times. Of {glue:text}`sdecgmca_restarts` restarts
 # {glue:text}`sdecgmca_failed` failed in the reading of this chapter and {glue:text}`sdecgmca_other_failed` in
-# the other; {ref}`restarts-failures` has the probability of failure. Stability is not accuracy:
-# at $\ell < 10$ the mean $C/C_0$ of BeamSubspace is {glue:text}`sdecgmca_subspace_low`.
+# the other; {ref}`restarts-failures` has the probability of failure. A result that does not
+# change is not yet accurate: at $\ell < 10$ the mean $C/C_0$ of BeamSubspace is
+# {glue:text}`sdecgmca_subspace_low`.
 #
 # ## BeamSubspace
 #
@@ -442,8 +444,9 @@ quote(
 #
 # BeamSubspace loses more at low $\ell$ than restarts of SDecGMCA that do not fail: the mean $C/C_0$ at
 # $\ell < 10$ is {glue:text}`sdecgmca_subspace_low`, for SDecGMCA {glue:text}`sdecgmca_low` (all restarts). $P/P_0$ at $k_\nu < 0.03$ MHz$^{-1}$ is
-# {glue:text}`sdecgmca_subspace_slow` and {glue:text}`sdecgmca_slow`, its highest value near $k_\nu = 0.31$
-# {glue:text}`sdecgmca_subspace_peak` and {glue:text}`sdecgmca_peak`.
+# {glue:text}`sdecgmca_subspace_slow` and {glue:text}`sdecgmca_slow`, its highest value near
+# $k_\nu = 0.31$ MHz$^{-1}$ {glue:text}`sdecgmca_subspace_peak` and {glue:text}`sdecgmca_peak`. Ranges of SDecGMCA
+# include restarts that fail; at low $k_\nu$ the others can lose more than BeamSubspace.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum recovered by SDecGMCA and by BeamSubspace with as many sources, and the ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). Grey band: 10 %."}}
 pair = [remover, BeamSubspace(n_sources=n_sources)]

@@ -30,7 +30,7 @@
 # the ratio, signal loss lowers it, and at any ratio both can be present ({doc}`14_diagnostics` and
 # {doc}`23_thresholds` separate them). SDecGMCA is chaotic ({doc}`27_restarts`): its numbers are medians of
 # restarts, with their 16 to 84 % in brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading)).
-# {doc}`16_readings` has what depends on the reading.
+# {doc}`16_readings` lists the results that depend on the reading.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -193,10 +193,11 @@ quote(
 # - **Oscillating beam.** Paper: both fits fail; all other methods have an excess at low $\ell$ and low
 #   $k_\nu$ and a peak, which is lowest for SDecGMCA, the most accurate at intermediate $\ell$. Here the
 #   mean $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
-#   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`; of its
-#   restarts {glue:text}`results_oscillating_failed` failed), its
-#   highest $P/P_0$ at the peak {glue:text}`results_oscillating_sd_peak` (PCA:
-#   {glue:text}`results_oscillating_pca_peak`). PCA with one component more has
+#   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`), its highest
+#   $P/P_0$ at the peak {glue:text}`results_oscillating_sd_peak` (PCA:
+#   {glue:text}`results_oscillating_pca_peak`). Of the restarts of SDecGMCA
+#   {glue:text}`results_oscillating_failed` failed, so that the median can lie between those that fail and those
+#   that do not. PCA with one component more has
 #   {glue:text}`results_oscillating_more_low`, {glue:text}`results_oscillating_more_fine` and
 #   {glue:text}`results_oscillating_more_peak`, and at $k_\nu < 0.03$ MHz$^{-1}$ a mean $P/P_0$ of
 #   {glue:text}`results_oscillating_more_slow` (SDecGMCA: {glue:text}`results_oscillating_sd_slow`).
@@ -217,7 +218,7 @@ quote(
 # <summary>Answer</summary>
 #
 # PCA, FastICA and GMCA: excess and peak vanish. Restarts of SDecGMCA that do not fail lose more HI to the
-# additional source; {doc}`27_restarts` has how many fail.
+# additional source; {doc}`27_restarts` gives the number of failures.
 #
 # </details>
 #

@@ -246,7 +246,7 @@ whole = whole | {"ylim": None, "title": "full range"}
 # remove HI. That of SDecGMCA depends on which restarts fail, and rises with many sources because foreground
 # residual returns ({numref}`fig-ns-scan-parts`). Where the
 # bands of two neighbouring $n_s$ overlap, the restarts do not separate them. This error does not show
-# foreground residual that compensates lost HI ({doc}`23_thresholds`); the mean $r$ in the last table does.
+# foreground residual that compensates signal loss ({doc}`23_thresholds`); the mean $r$ in the last table does.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (of SDecGMCA for each restart), for SDecGMCA (the paper's Fig. 3) and PCA. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Thin dashed and dotted: the two spectra, medians of the restarts. Right: near the minimum; higher errors are cut off."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
@@ -323,7 +323,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # %% [markdown]
 # ## The spectra
 #
-# Ratios above 1 are foreground residual, ratios below 1 lost HI. With 3 sources there is foreground residual on
+# Ratios above 1 are foreground residual, ratios below 1 signal loss. With 3 sources there is foreground residual on
 # most scales, with more sources mainly in restarts that fail; the others lose HI at low $k_\nu$ and low
 # $\ell$. In the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
 
@@ -512,7 +512,8 @@ show(unconverged)
 #   the total MSE is {glue:text}`scan_error_five` for SDecGMCA and {glue:text}`scan_error_five_beside` for PCA.
 # - Few restarts are a small sample: in {doc}`10_results`, which has more of them with 5 sources on this sky,
 #   {glue:text}`10_results.ipynb::results_oscillating_failed:s` fail, and their total MSE is
-#   {glue:text}`13_dimmed_galaxy.ipynb::dimmed_error_sd:s`. Where the minimum is depends on which restarts fail.
+#   {glue:text}`13_dimmed_galaxy.ipynb::dimmed_error_sd:s`. Where the minimum is depends on which restarts fail,
+#   and on the sky: {doc}`15_claims` has N1 and N4 on several skies with the real Galaxy.
 # - For PCA without foreground residual each source costs about a share $1/N_\nu$ of the power, more at low
 #   $k_\nu$ and low $\ell$.
 #

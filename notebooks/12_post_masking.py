@@ -34,7 +34,7 @@
 # diagnostic.
 #
 # This chapter applies it to the maps of {doc}`10_results` with the oscillating beam, separates foreground
-# residual from lost HI on the flagged lines, and tests the spectra of masked maps. Each restart of SDecGMCA
+# residual from signal loss on the flagged lines, and tests the spectra of masked maps. Each restart of SDecGMCA
 # ({doc}`27_restarts`) has different flags: tables have the median and the 16 to 84 % band, maps and profiles
 # the {term}`medoid`. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
 
@@ -156,7 +156,7 @@ quote(
 # {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members (skies and restarts).
 #
 # Where the error depends on frequency in the same way on all flagged lines of the medoid it is foreground
-# residual; [below](post-parts) this is separated from lost HI.
+# residual; [below](post-parts) this is separated from signal loss.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). Of SDecGMCA those of the medoid; if not all are drawn, evenly spaced in rank of error. Left: recovered temperature; right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the other lines. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the drawn lines."}}
 shown = study.medoid(selected, removers[method])
@@ -206,8 +206,8 @@ quote(
 )
 
 # %% [markdown]
-# On this sky, flags are mostly in the brightest part of the Galactic plane, as in the paper. How many there
-# are, and whether some lie elsewhere, differs between restarts.
+# The figure shows the medoid. How many flags there are, and whether they are in the brightest part of the
+# Galactic plane as in the paper, differs between restarts: the tables have medians and ranges.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (yellow; the paper's Fig. 5, right). This run flags {glue:text}`post_shown_share` of the sky, rank {glue:text}`post_shown_rank` among the restarts (1: most)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
@@ -220,7 +220,7 @@ study.stamped(figure, beam=selected, method=method, **stated)
 
 # %% [markdown]
 # (post-parts)=
-# ## Foreground residual and lost HI
+# ## Foreground residual and signal loss
 #
 # With its mixing matrix fixed, a component method is a linear projection $\mathcal{P}$ of the maps with
 # masked peaks (except for the $\epsilon$ of SDecGMCA, which is counted with the foreground). With the
@@ -335,7 +335,7 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 # Each method is masked by its errors, and the truth by the same mask. A mask couples multipoles; $C_\ell$ is
 # decoupled with the mode-coupling matrix {cite:p}`hivon2002` and binned. Without the
 # flagged lines the excess of PCA and GMCA is smaller at low $k_\nu$, at the peak and at low $\ell$; so is
-# that of restarts of SDecGMCA that fail; the others hardly change.
+# that of restarts of SDecGMCA that fail. The others do not improve.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra recovered by PCA, FastICA, GMCA and SDecGMCA, of the full sky (dotted) and without the flagged lines of sight (masked: dashed, dash-dotted and solid), and their ratio to the truth under the same mask (the paper's Fig. 6). Of SDecGMCA medians and bands of the restarts (thin lines), each with its mask. {glue:text}`post_reading` ([readings](sdecgmca-reading)). Masked C_l is binned and begins at higher l. Black: truth of the full sky. PCA and FastICA coincide."}}
@@ -458,7 +458,7 @@ quote(
 #
 # In the paper only SDecGMCA improves notably along the line of sight, and all component methods improve
 # across the sky, most SDecGMCA. The mean errors of the two fits, which the largest $\ell$ dominate, decrease
-# by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most` (below 1: they grow); at the
+# by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most`; at the
 # lowest $\ell$ the power of the polynomial without the flagged lines is larger by a factor of
 # {glue:text}`post_polynomial_lowest`.
 #
@@ -505,7 +505,7 @@ quote(
 # %% [markdown]
 # Under the two masks that are independent of HI the decoupled spectrum is accurate to
 # {glue:text}`post_decoupled`, and at $\ell < 10$ to {glue:text}`post_decoupled_lowest`. Under the mask of
-# SDecGMCA the truth at $\ell < 10$ differs by {glue:text}`post_truth_own`. A mask made from errors can select
+# one run of SDecGMCA, the medoid, the truth at $\ell < 10$ differs by {glue:text}`post_truth_own`. A mask made from errors can select
 # HI, so masked spectra are compared with a truth under the same mask.
 
 # %% [markdown]
@@ -514,7 +514,8 @@ quote(
 # - **Flags** (M1): for PCA, FastICA, GMCA and the fits they are in the Galactic plane, where foreground
 #   remains; for SDecGMCA {glue:text}`post_in_plane` are. On the real Galaxy at `laptop` most are in
 #   {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members.
-# - **Line of sight** (M2, M3): the peak of SDecGMCA is {glue:text}`post_peak_sd` of that without the mask and its
+# - **Line of sight** (M2, M3): the highest $P/P_0$ of SDecGMCA at the peak is {glue:text}`post_peak_sd` of that
+#   without the mask (a ratio near 1 cannot become smaller) and its
 #   error at low $k_\nu$ {glue:text}`post_low_sd`; for PCA and GMCA the latter is {glue:text}`post_low_pca` and
 #   {glue:text}`post_low_gmca`, where the paper has no notable change.
 # - **Sky** (M4): the mean $|C/C_0 - 1|$ decreases from {glue:text}`post_angular_pca` to

@@ -143,7 +143,8 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # ## Spectra
 #
 # With the dimmed Galaxy PCA, FastICA, GMCA and restarts of SDecGMCA that do not fail are within the grey band
-# at most $\ell$; GMCA has an excess at the lowest. PCA, FastICA and GMCA have a peak near $k_\nu = 0.31$.
+# at most $\ell$; GMCA has an excess at the lowest. PCA, FastICA and GMCA have a peak near
+# $k_\nu = 0.31$ MHz$^{-1}$, and so can SDecGMCA.
 # Both fits exceed the truth by orders of magnitude.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
@@ -403,8 +404,8 @@ quote(
 #
 # - **Improvement** (G1): the total error decreases by factors of {glue:text}`dimmed_gain_pca` for PCA and
 #   FastICA, {glue:text}`dimmed_gain_gmca` for GMCA,
-#   {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit
-#   (below 1: it grows). Restarts of SDecGMCA have {glue:text}`dimmed_error_sd` with the full and
+#   {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit.
+#   Restarts of SDecGMCA have {glue:text}`dimmed_error_sd` with the full and
 #   {glue:text}`dimmed_error_sd_dimmed` with the dimmed Galaxy; they can fail with either, and where the
 #   ranges overlap no change is established.
 # - **The peak** (G2): the maximum of $P/P_0$ at $0.25 < k_\nu < 0.38$ MHz$^{-1}$ is
@@ -412,7 +413,8 @@ quote(
 #   {glue:text}`dimmed_ripple_sd` at the period of the ripple itself.
 # - **The range of multipoles** (G3, G4): the share within 10 % goes from {glue:text}`dimmed_within_pca_full` to
 #   {glue:text}`dimmed_within_pca` for PCA and FastICA, and from {glue:text}`dimmed_within_sd_full` to
-#   {glue:text}`dimmed_within_sd` for SDecGMCA; in the paper it grows for all three, most for SDecGMCA.
+#   {glue:text}`dimmed_within_sd` for SDecGMCA; in the paper it grows for PCA, FastICA and
+#   SDecGMCA alike (Sect. 5.2), especially for SDecGMCA (Sect. 6).
 #
 # ## Exercise
 #

@@ -99,8 +99,9 @@ Markdown(f"*{made.footer()}*")
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
 # - **{glue:text}`readings_void_n` do not apply to these maps or this scan under any**: {glue:text}`readings_void`.
-# - **{glue:text}`readings_some_n` depend on the reading**: {glue:text}`readings_some`. The table
-#   has the choices that change them. Claims that one choice alone changes: {glue:text}`readings_one`.
+# - **{glue:text}`readings_some_n` differ between these single runs**: {glue:text}`readings_some`. The table
+#   has the choices that change them, or restarts that do: {ref}`another run <other-choices>` of one reading
+#   changes several verdicts too. Claims that one choice alone changes: {glue:text}`readings_one`.
 #
 # {glue:text}`readings_deciders_n` single changes of the default change a verdict:
 # {glue:text}`readings_deciders`. With one run of each, another restart may be the cause. Changes without
@@ -178,7 +179,7 @@ rows = [
     )
     for claim in places[SOME]
 ]
-Table(["claim", "statement", *READINGS, "choices that change the default's verdict"], rows)
+Table(["claim", "statement", *READINGS, "choices whose run has another verdict than the default"], rows)
 
 # %% [markdown]
 # (readings-claims)=
@@ -236,9 +237,11 @@ plotting.stamp(curves_figure(outcomes), made)
 # difference; of these {glue:text}`readings_tie` has the fewest departures from the text (of several with as
 # few, the highest mean). What a tie is was defined after most of these numbers were known. So the rule
 # selects this one, and the default is {glue:text}`readings_default`.
-# O6 is judged with the regularised inversion in every candidate;
-# without O6 the highest mean is {glue:text}`readings_without_most`, of {glue:text}`readings_without_first`,
-# and that of the default is {glue:text}`readings_without_default`.
+#
+# The selection rests on O6, which is judged with the regularised inversion in every candidate, not with that
+# of the candidate: without O6 the highest mean is {glue:text}`readings_without_most`, of
+# {glue:text}`readings_without_first`, and that of the default is {glue:text}`readings_without_default`. The
+# default is a convention, not a result.
 #
 # In a run that fails as many statements can hold as in one that does not, as it can have the excess, the peak
 # and the flagged plane of the paper. Earlier defaults rested on performance: the letter with free signs of
@@ -246,8 +249,7 @@ plotting.stamp(curves_figure(outcomes), made)
 # continued with its $\epsilon$, which did not fail on eight starts on each of two skies at `laptop` and on
 # one at the paper's size. Results that are still of one of these say so.
 #
-# More starts can change the order: with those of the ledger, more on each sky than here, more statements held
-# for this last reading than for the present default, on both skies.
+# More starts can change the order.
 
 # %% tags=["hide-input"]
 ensembles = [

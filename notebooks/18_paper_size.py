@@ -27,8 +27,8 @@
 #
 # The chapters use the preset `quick`, and the ledger is measured at `laptop`. This page has the claims and the
 # figures at the paper's size, `nside` 256 and 500 channels of 1 MHz. The largest difference in the foreground
-# is that the real Galaxy is made of templates of nside 64 with small scales drawn at random, where the paper
-# has PySM's of nside 512; {doc}`../book/conventions` lists the others. One ledger has several restarts of
+# is that the real Galaxy is made of templates of nside 64 with small scales drawn at random, where those
+# of PySM, which the paper uses, have nside 512; {doc}`../book/conventions` lists the others. One ledger has several restarts of
 # SDecGMCA and, as the figures, an HI box of 1024³ cells, which are {glue:text}`paper_size_cell` wide; a pixel
 # at the far end is {glue:text}`paper_size_pixel` wide. The other has the paper's 2048³ cells and a single run
 # of SDecGMCA in an earlier default reading, `code-rounding` continued beyond ℓ = 200 with its ε; so has the
@@ -108,7 +108,8 @@ quote(
 #
 # All figures of the paper at its size, each for the real Galaxy and then the synthetic one. The linked
 # chapter states what each shows, and has both Galaxies at this size among its interactive curves. All have
-# eight restarts of SDecGMCA, the scan over the number of sources one. Of restarts lines are medians, bands
+# eight restarts of SDecGMCA, the scan over the number of sources one, so that the minima in Figs. 3 and 4 can
+# change with the restart. Of restarts lines are medians, bands
 # their 16 to 84 % and thin lines single ones; ratios are linear near 1 and logarithmic beyond where a figure
 # says so. The restarts of the figures are other draws than those of the ledger: on the real Galaxy SDecGMCA
 # recovers the angular power through the oscillating beam as the paper has it (O3) in

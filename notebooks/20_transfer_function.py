@@ -297,8 +297,9 @@ quote(
 
 # %% [markdown]
 # For the first method these changes move $T$ by up to {glue:text}`transfer_changed_l` at $\ell \geq 10$, by
-# up to {glue:text}`transfer_changed_k` at $k_\nu > 0.03$, and below by up to
-# {glue:text}`transfer_changed_low_k`.
+# up to {glue:text}`transfer_changed_k` at $k_\nu > 0.03$ MHz$^{-1}$, and at smaller $k_\nu$ by up to
+# {glue:text}`transfer_changed_low_k`; at lower $\ell$ curves can leave the axis. This can be more than the
+# error bars below, which assume that the mocks have the right power.
 #
 # (transfer-record)=
 # ## Coverage over many skies
@@ -465,8 +466,9 @@ show_table(rows, columns=4)
 # - **A source in which HI is as bright as the foreground is not corrected well.** BeamSubspace with four
 #   sources loses more HI at the lowest $k_\nu$ than the mocks say, most on the real Galaxy. The estimated
 #   foreground has the right power there but is a Gaussian field, and that of the Galaxy is not.
-# - **The error bars of GMCA are too large.** Its residual has much more foreground than HI at low $\ell$, so
-#   that they are mostly errors of the estimated foreground.
+# - **The error bars of GMCA are too large**, as are those of PCA at `laptop` and of BeamSubspace at `ci` with the
+#   real Galaxy. The residual of GMCA has much more foreground than HI at low
+#   $\ell$, so that they are mostly errors of the estimated foreground.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) is
 #   in the unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
 #   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer

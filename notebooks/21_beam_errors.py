@@ -38,8 +38,9 @@
 #
 # Two effects are measured separately. The **recovered** share of the HI is the part of the residual that is
 # correlated with the truth $t$, $\langle \hat t\, t^* \rangle / \langle |t|^2 \rangle$; mocks correct it
-# ({doc}`20_transfer_function`). A projection recovers a mode completely or not at all, so that the excess of
-# $P/P_0$ over this share is **foreground residual**.
+# ({doc}`20_transfer_function`). A fixed projection recovers a mode completely or not at all, so that the excess
+# of $P/P_0$ over this share, summed over $k_\nu$, is **foreground residual**. Spectra that are fitted to data
+# with HI, and single bands, add a few per cent of either sign: smaller values are no detection of foreground.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -99,7 +100,8 @@ table = EXPERIMENT.table([first_sky])
 # %% [markdown]
 # A rising curve is a method that is sensitive to its beam. Where it crosses the horizontal curve, a method
 # without a beam is better. With three sources an error that oscillates with frequency leaves far more
-# foreground than one that all channels share; a fourth source can fit the spectrum that it adds.
+# foreground than one that all channels share. A fourth source can fit the spectrum that it adds if that is
+# bright; the residual is largest where its effect on the foreground is as bright as HI.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of the assumed beam. Horizontal: a method without a beam; grey line: 1 %. Values below 0.1 % are not shown."}}
 study.stamped(beam_errors_figure(table), beam=case.beam)
@@ -263,7 +265,8 @@ quote(
 # - **From five sources on most tolerated errors grow**, with the real Galaxy not that of a ripple that the
 #   beam does not have nor, with five, that of the period. The price is the signal loss of each source, which
 #   mocks can correct. A fourth source lowers the residual at large errors and hardly changes the tolerated
-#   error.
+#   error, which is the first one that exceeds the limit: with five sources the residual has its maximum at
+#   similar errors, some of these just below the limit.
 # - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a
 #   foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and
 #   {glue:text}`beams_lobes_right_real` (real), over the power of HI and noise; with Gaussians of the right

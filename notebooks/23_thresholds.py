@@ -204,7 +204,7 @@ bold = {"color": "black", "linestyle": ":", "label": "SmoothSpectra, corrected"}
 curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 
 # %% [markdown]
-# The ratio of SmoothSpectra should be smooth and below 1, and the dotted one, corrected, 1. A curve that crosses 1 can have a mean near 1 and large errors.
+# The ratio of SmoothSpectra should be smooth and below 1; the corrected ratio (dotted) should be 1. A curve that crosses 1 can have a mean near 1 and large errors.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA (one run) with the paper's number of sources and of the other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; ratios to the truth up to a last multipole; black: with the noise beyond it. Grey band: 10 %."}}
 both_figure(study, case.beam, curves)
@@ -270,10 +270,11 @@ quote(
 #   larger than the loss; {doc}`27_restarts` has ensembles.
 # - **Additional sources cost SmoothSpectra no signal**: with {glue:text}`thresholds_many` it preserves
 #   {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace
-#   {glue:text}`thresholds_kept_beam`, one run of SDecGMCA {glue:text}`thresholds_kept_paper`. The corrected
+#   {glue:text}`thresholds_kept_beam`, one run of SDecGMCA {glue:text}`thresholds_kept_paper`, whose foreground
+#   residual can be larger than that. The corrected
 #   spectrum of SmoothSpectra changes by {glue:text}`thresholds_alike` in the worst band between {glue:text}`thresholds_few` and
 #   {glue:text}`thresholds_many` sources.
-# - **Corrected without mocks**, most bands meet the goal. The correction is sensitive to the power of HI at
+# - **Corrected without mocks**, most bands meet the goal, the worst one does not. The correction is sensitive to the power of HI at
 #   the smallest $k_\nu$, which is extrapolated from where foregrounds are negligible.
 #
 # ```sh

@@ -194,9 +194,9 @@ survey_of = {
 }
 
 # %% [markdown]
-# For PCA the dashed curve (this tenth alone) is nearer to 1 in $P/P_0$, but for the smallest $k_\nu$, because
-# this survey does not have the plane, which needs components; for BeamSubspace the solid one (full sky) is,
-# with five sources only at the smallest $k_\nu$ and at the ripple.
+# For PCA the dashed curve (this tenth alone) is nearer to 1 in $P/P_0$ except at the smallest $k_\nu$, because
+# this survey does not have the plane, which needs components. For BeamSubspace the solid one (full sky) is
+# nearer with three sources at nearly all $k_\nu$, with five at the smallest $k_\nu$ and at the ripple only.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-survey", "caption": "Power of the residual over that of the truth within a tenth of the sky, for each method (rows), separated on the full sky and on that tenth alone. Deviations of more than 40 % are not shown."}}
 panels = [
@@ -254,8 +254,8 @@ quote(
 # - **A mask helps PCA**, for which the plane needs components that the rest of the sky does not.
 # - **The edge costs a margin**: within about two beam widths of it the error of BeamSubspace rises steeply.
 #   With three sources it exceeds that without a mask at all distances shown.
-# - **All methods can clean a part of the sky.** Where its edge is long, a method without a beam loses least;
-#   the table shows which is nearer to the truth.
+# - **All methods can clean a part of the sky.** In the tenth of the sky PCA has less foreground residual from
+#   the edge than BeamSubspace with three sources, although it loses more signal; the table has both.
 #
 # ```sh
 # himap clean cube.h5 --method pca -p n_sources=5 --mask mask.fits -o cleaned.h5

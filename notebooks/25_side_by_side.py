@@ -324,7 +324,7 @@ quote(
 #
 # | data | method | deviation | corrected by mocks |
 # |---|---|---|---|
-# | maps of one resolution in all channels | PCA, the simplest; beam-aware methods gain nothing | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
+# | maps of one resolution in all channels | PCA, the simplest; without correction beam-aware methods gain nothing | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
 # | known beam with its side lobes, to about {glue:text}`side_width` of its width, no unknown ripple | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
 # | unknown beam that changes smoothly | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
 # | unknown beam that oscillates with frequency | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
@@ -334,11 +334,14 @@ quote(
 # | uneven hits, flags or gaps | PCA or a fit ({doc}`26_a_survey`) | – | – |
 #
 # - **SDecGMCA and PCA**: SDecGMCA is far nearer to the truth than PCA with the same five components
-#   ({glue:text}`side_paper` and {glue:text}`side_few`), also at $0.03 < k_\nu < 0.1$ MHz$^{-1}$, where it is no
-#   better in the paper (O5 in {doc}`15_claims`). With one component more PCA is as near
+#   ({glue:text}`side_paper` and {glue:text}`side_few`), also at $0.03 < k_\nu < 0.1$ MHz$^{-1}$, where the
+#   paper finds it no better (O5, "at low $k_\nu$", in {doc}`15_claims`). With one component more PCA is as near
 #   ({glue:text}`side_unknown`). Through the evolving beam SDecGMCA is off by
-#   {glue:text}`side_paper_evolving`. All of these are of SDecGMCA in the reading `instrument-noise`; the
-#   default reading fails more often ({doc}`27_restarts`).
+#   {glue:text}`side_paper_evolving`. All of these are of SDecGMCA in the reading `instrument-noise`;
+#   runs of the default reading can fail as well ({doc}`27_restarts`).
+# - **After correction SmoothSpectra is the nearest** where the beam is known
+#   ({glue:text}`side_harmless_corrected`), but its error bars are too small at this size
+#   ({doc}`20_transfer_function`). BeamSubspace loses less signal and needs less correction.
 # - **Resolution**: at `laptop` PCA needs more components; with the six of the table it is off by
 #   {glue:text}`side_larger_unknown` after correction.
 # - **The beam**: if its width is wrong by 1 %, BeamSubspace has a foreground residual of

@@ -162,6 +162,9 @@ print(*cube.remarks, sep="\n")
 # %% [markdown]
 # ## Cleaning
 #
+# The truth is HI and noise, and most of its power is that of the noise (see both rms above): a deviation of the
+# residual from the truth is a larger share of the power of HI.
+#
 # *Weights and flags* uses both; in *flags alone* all observed voxels have the same weight; in *neither* gaps
 # are interpolated linearly in frequency and then treated as observed. Compare the residuals with the truth.
 
@@ -350,7 +353,7 @@ def means(over):
     k = true["frequency"][0]
     values = {
         "C, all l": over["angular"].mean(),
-        "C, but for the first bin": over["angular"][1:].mean(),
+        "C, without the first bin": over["angular"][1:].mean(),
         "P, k < 0.3": diagnostics.inside(k, over["frequency"], 0, 0.3).mean(),
         "P, k > 0.3": diagnostics.inside(k, over["frequency"], 0.3, np.inf).mean(),
     }

@@ -116,7 +116,7 @@ def add(name, words, message, write=None, *given, **options):
 
 
 # Frequencies in names and headers.
-NO_FREQS = "does not tell its frequencies"
+NO_FREQS = "does not state its frequencies"
 several = ["map_971p137MHz", "map_972p137MHz"], ["900-910MHz", "910-920MHz"], ["a_900MHz", "b"]
 for names in (*several, ["900MHz", "901MHz", "mean"]):
     add(f"file names {names[0]}", "folder", NO_FREQS, write_folder, "folder", names)

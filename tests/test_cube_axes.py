@@ -65,7 +65,7 @@ class TestAxes:
     @pytest.mark.parametrize("kind", ["", "LINEAR"])
     def test_channels_without_a_type_have_the_frequencies_that_are_given(self, images, kind):
         write_image("a.fits", images, axes=(*SKY["SIN"], (kind, 0.0, 1.0, 1.0, "")))
-        with pytest.raises(InputError, match="a.fits does not tell its frequencies"):
+        with pytest.raises(InputError, match="a.fits does not state its frequencies"):
             read_cube("a.fits")
         cube = read_cube("a.fits", freqs=MHZ[::-1])
         assert np.array_equal(cube.maps.reshape(images.shape), images[::-1])
