@@ -410,7 +410,7 @@ quote(
 # loss, as only the net ratio is split. The right panel has only numbers of sources with little
 # excess; if SDecGMCA has none, it is not drawn.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; zeros and what is beyond the axis are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources without excess (median); the dotted line loses 1/N_channels for each source."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; values of zero or beyond the axis are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources with little excess (median); dotted: 1 less 1/N_channels for each source."}}
 
 
 def part(name, sign):
