@@ -18,6 +18,7 @@ from himap.paper.experiments.boxes import (
     skies,
     table_of,
 )
+from himap.store import cache
 
 TINY = {"preset": "ci", "survey": {"nside": 16, "n_channels": 20, "box_cells": 32}}
 
@@ -38,6 +39,21 @@ def test_every_box_has_every_quantity(rows):
     assert rows["box_cells"].unique().tolist() == [16, 32, 64] and rows["value"].gt(0).mean() > 0.9
     assert set(rows["quantity"]) == set(QUANTITIES)
     assert not rows.duplicated(["box_cells", "quantity", "band", "channels"]).any()
+
+
+def test_no_map_stays_in_the_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    (case,) = skies(preset="ci", survey=TINY["survey"] | {"box_cells": 16})
+    measure(case)
+    assert {entry.product for entry in cache.cache_info()} == {"measured_boxes"}
+
+
+def test_the_least_maps():
+    """Few channels, and an end before l = 20."""
+    (case,) = skies(preset="ci", survey={"nside": 8, "n_channels": 8, "box_cells": 16})
+    rows = numbers_of(case)
+    assert np.isfinite([row["value"] for row in rows]).all()
+    assert [row["band"] for row in rows if row["quantity"] == "C_l"] == 3 * ["2–15"]
 
 
 def test_numbers_are_those_of_the_maps(rows):

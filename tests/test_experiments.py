@@ -57,6 +57,7 @@ USUAL = {
             ("boxes", {"survey": {"box_cells": n}}, f"box_cells is {n}: take a multiple of 4 from 16 to 2048")
             for n in (12, 18, 4096)
         ),
+        ("boxes", {"survey": {"box_cells": 16, "n_channels": 7}}, "n_channels is 7: take 8 or more"),
         ("claims", {"n_realisations": 0}, "n_realisations must be a whole number between 1"),
         ("claims", {"n_restarts": 0}, "n_restarts must be a whole number between 1"),
         ("claims", {"n_sources_min": 5, "n_sources_max": 4}, "the scan needs"),

@@ -16,7 +16,7 @@ from himap.paper import pipeline
 from himap.paper.grid import cases_of
 from himap.paper.record import Experiment
 from himap.removal.peaks import smooth_baselines
-from himap.store.store import product
+from himap.store.store import product, temporary
 
 COLUMNS = {"box_cells": int, "quantity": str, "band": str, "channels": str, "value": float}
 """Cells along a side; one of `QUANTITIES`; its range of l or of k (1/MHz); the channels (MHz) that it is a
@@ -34,6 +34,7 @@ QUANTITIES = {
 
 _K_BANDS = {"below 0.03": (0, 0.03), "0.03–0.3": (0.03, 0.3), "above 0.3": (0.3, np.inf)}
 _LEAST, _MOST = 16, 2048  # box_cells of which half and twice as many are a box
+_LEAST_CHANNELS = 8  # that the fits of the peaks take
 
 
 def skies(*, n_realisations=1, **settings):
@@ -42,14 +43,19 @@ def skies(*, n_realisations=1, **settings):
     Raises
     ------
     InputError
-        A box of which half or twice as many cells along a side are none.
+        A box of which half or twice as many cells along a side are none, or too few channels.
     """
     cases = cases_of(Degraded(), n_realisations=n_realisations, **settings)
-    n_cells = cases[0].survey.box_cells
+    n_cells, n_channels = cases[0].survey.box_cells, cases[0].survey.n_channels
     if n_cells % 4 or not _LEAST <= n_cells <= _MOST:
         raise InputError(
             "boxes of half and of twice as many cells along a side are made too, and box_cells is "
             f"{n_cells}: take a multiple of 4 from {_LEAST} to {_MOST}."
+        )
+    if n_channels < _LEAST_CHANNELS:
+        raise InputError(
+            f"peaks are found by fits along the channels, and n_channels is {n_channels}: take "
+            f"{_LEAST_CHANNELS} or more."
         )
     return cases
 
@@ -69,9 +75,9 @@ def numbers_of(case):
     maps, seen = pipeline.hi_of_sky(survey.sky), pipeline.hi_seen(case)
     rows = [row("mean", maps.mean(dtype=float)), *along("P", maps), *along("P_beam", seen)]
     cl = sphere.power_spectrum(pipeline.hi_alms_of_sky(survey.sky))
-    degrees = [2, 20, *(n for n in (100, 200) if n < 2 * survey.nside), 2 * survey.nside]
+    degrees = [*(n for n in (2, 20, 100, 200) if n < 2 * survey.nside), 2 * survey.nside]
     for channels in np.array_split(np.arange(survey.n_channels), 5)[::2]:
-        first, *_, last = survey.freqs[channels]
+        first, last = survey.freqs[channels[[0, -1]]]
         for low, high in zip(degrees[:-1], degrees[1:], strict=True):
             value = cl[channels, low:high].mean()
             rows.append(row("C_l", value, band=f"{low}–{high - 1}", channels=f"{first:.0f}–{last:.0f}"))
@@ -86,7 +92,8 @@ def measure(case):
     rows = []
     for n_cells in (half, 2 * half, 4 * half):
         finer = replace(case, survey=replace(case.survey, box_cells=n_cells))
-        rows += [{"box_cells": n_cells} | row for row in numbers_of(finer)]
+        with temporary(pipeline.hi_of_sky, pipeline.hi_alms_of_sky):
+            rows += [{"box_cells": n_cells} | row for row in numbers_of(finer)]
     return rows
 
 

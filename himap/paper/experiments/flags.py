@@ -3,13 +3,15 @@
 Through the oscillating beam, under each of some readings; members of an ensemble differ in their start.
 """
 
-from himap.paper import cleaned
+import itertools
+
+from himap.paper import cleaned, pipeline
 from himap.paper.claims.base import mean_error
 from himap.paper.experiments.claims import judged_skies, realisations
 from himap.paper.readings import find_reading
 from himap.paper.record import Experiment
 from himap.paper.restarts import FLAGS, flag_table
-from himap.store.store import product
+from himap.store.store import product, temporary
 
 READINGS = ("default", "code", "follow-up")
 """Readings of SDecGMCA that are measured: they fail in different ways, and not equally often."""
@@ -29,16 +31,24 @@ def skies(*, n_restarts=8, **settings):
 @product(name="measured_flags")
 def measure(sky):
     """Rows with `COLUMNS` of every member on a `JudgedSky`."""
+    calls = {
+        reading: [member.calls("oscillating")["sdecgmca"] for member in members]
+        for reading, members in sky.realisations.items()
+    }
+    every = list(itertools.chain(*calls.values()))
+    with temporary(*pipeline.OF_SKIES, *pipeline.OF_CASES, cleaned.fit, cleaned.separation):
+        cleaned.make([(made, call) for made in (cleaned.separation, cleaned.assessment) for call in every])
+        return [{"reading": label} | row for label, one in calls.items() for row in ensemble_rows(one)]
+
+
+def ensemble_rows(calls):
+    """The columns restart, quantity and value of an ensemble, arguments of `cleaned.separation`."""
     rows = []
-    for reading, members in sky.realisations.items():
-        calls = [member.calls("oscillating")["sdecgmca"][:3] for member in members]
-        for restart, (call, values) in enumerate(zip(calls, cleaned.ensemble(calls).values, strict=True)):
-            known = cleaned.separation(*call).diagnostics | values
-            known["mean error"] = mean_error(cleaned.compared(*call))
-            first = {"reading": reading, "restart": restart}
-            rows += [
-                first | {"quantity": name, "value": float(known[name])} for name in ("mean error", *FLAGS)
-            ]
+    for restart, (call, values) in enumerate(zip(calls, cleaned.ensemble(calls).values, strict=True)):
+        known = cleaned.separation(*call).diagnostics | values
+        known["mean error"] = mean_error(cleaned.compared(*call))
+        several = ((name, float(known[name])) for name in ("mean error", *FLAGS))
+        rows += [{"restart": restart, "quantity": name, "value": value} for name, value in several]
     return rows
 
 
