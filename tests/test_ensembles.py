@@ -82,6 +82,12 @@ def test_failures_by_reading_case_and_number_of_sources():
     assert (second["reading"], second["failed"], second["low"]) == ("letter", 0, 0)
 
 
+def test_curves_of_two_skies_are_not_averaged():
+    rows = pd.concat([of_restarts([1.0, 2.0], x=0.0), of_restarts([3.0], seed=8, x=0.0)])
+    assert ensembles.curves(rows, "mean error")[0.0].tolist() == [1, 2, 3]
+    assert ensembles.curves(rows.drop(columns="seed")[:2], "mean error").index.tolist() == [0, 1]
+
+
 @pytest.mark.parametrize(("value", "inside"), [(1.0, True), (15.0, True), (20.0, False), (0.05, False)])
 def test_range_widened_by_half(value, inside):
     """From 1 to 10 it is 10^-0.25 to 10^1.25."""
@@ -97,7 +103,7 @@ def test_the_measure_on_a_tiny_sky():
     quantities = set(read_authors_ensemble(FILE)["quantity"])
     assert set(table["quantity"]) == quantities
     angles = ensembles.curves(table, "angle")
-    assert angles.index.tolist() == [1] and angles.shape[1] == authors.N_ITERATIONS + 1
+    assert angles.index.tolist() == [(sky.survey.seed, 1)] and angles.shape[1] == authors.N_ITERATIONS + 1
     assert angles.iloc[0, 0] == pytest.approx(1e-10, rel=0.9)
     assert ensembles.curves(table, "mean error").columns.tolist() == sorted(authors.FLOORS)
     assert set(authors.EXPERIMENT.summary(table)["quantity"]) == quantities - {"angle"}

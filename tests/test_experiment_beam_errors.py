@@ -116,6 +116,14 @@ class TestJudged:
         assert tolerated(table)["beam_subspace", 3, "width"] == pytest.approx(1e-2)
         assert tolerated(table, 0.001)["beam_subspace", 3, "width"] == pytest.approx(1e-3)
 
+    def test_tolerated_of_both_signs_is_that_of_the_worse(self):
+        rows = [*made_up(0.0, 0.05), *made_up(1e-3, 0.051), *made_up(1e-1, 0.15)]
+        rows += [*made_up(-1e-3, 0.0), *made_up(-1e-1, 0.06), *made_up(-0.1, 0.2, kind="ripple")]
+        rows += made_up(-0.01, 0.05, kind="ripple") + made_up(-0.2, 0.0, kind="phase")
+        found = {kind: error for (*_, kind), error in tolerated(EXPERIMENT.frame(rows)).items()}
+        assert found["width"] == pytest.approx(1e-2) and 0.01 < found["ripple"] < 0.1
+        assert found["phase"] == 0.2
+
     def test_tolerated_none_or_all(self):
         rows = [*made_up(0.0, 0.0), *made_up(0.1, 0.5)]
         rows += [*made_up(0.1, -0.01, kind="ripple"), *made_up(0.2, 0.0, kind="ripple")]

@@ -1,11 +1,14 @@
 """How often flags are right, on made-up tables, and the experiment on a tiny sky."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from himap.paper import cleaned
 from himap.paper.experiments.flags import COLUMNS, EXPERIMENT, measure, skies
 from himap.paper.restarts import FLAGS, chosen_failures, flag_rates, flag_table, members_of
+from himap.store import cache
 
 ERRORS = np.array([[0.05, 0.05, 0.5, 0.05], [0.05, 0.05, 0.05, 9.0]])  # two ensembles of four members
 
@@ -73,11 +76,26 @@ def test_members_are_told_apart_by_reading_and_seed():
     assert both["ensemble"].nunique() == 4 and both["failed"].sum() == 4
 
 
+def test_members_whose_error_is_not_finite_fail():
+    table = table_of(cost=ERRORS)
+    errors = table["quantity"] == "mean error"
+    assert members_of(table.assign(value=table["value"].mask(errors)))["failed"].tolist() == [True] * 8
+    lost = (table["seed"] == 1) & (table["restart"] == 0)
+    assert len(members_of(table.assign(value=table["value"].mask(lost)))) == 8
+
+
 @pytest.fixture
 def tiny():
     survey = {"nside": 8, "n_channels": 16, "box_cells": 16}
     (sky,) = skies(preset="ci", survey=survey, n_realisations=1, n_restarts=2)
     return sky
+
+
+def test_no_map_or_separation_stays_in_the_cache(tiny, tmp_path, monkeypatch):
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
+    measure(replace(tiny, realisations={"code": tiny.realisations["code"]}))
+    kept = {entry.product for entry in cache.cache_info()}
+    assert kept == {"measured_flags", "assessment", "components_of_sky", "true_spectra"}
 
 
 def test_a_tiny_sky(tiny):

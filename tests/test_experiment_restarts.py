@@ -5,10 +5,13 @@ from dataclasses import replace
 import ledgers
 import pytest
 
+from himap.app.stored import RESULTS
 from himap.paper import cleaned
+from himap.paper.ensembles import failures
 from himap.paper.experiments import restarts
 from himap.paper.experiments.claims import JudgedSky
 from himap.paper.readings import candidates
+from himap.paper.record import Record
 from himap.removal.sdecgmca.readings import READINGS, resolved
 
 SURVEY = ledgers.TINY["survey"] | {"seed": 11}  # a sky of its own
@@ -47,6 +50,8 @@ def test_members_of_all_candidates_share_a_fit():
 def test_the_scan_is_sparse_beyond_eight():
     (sky,) = restarts.skies(**TINY | {"n_sources_max": 11}, reading="code")
     assert sky.realisations["code"][0].n_sources == (2, 3, 4, 5, 6, 7, 8, 10)
+    (sky,) = restarts.skies(**TINY | {"n_sources_min": 11, "n_sources_max": 14}, reading="code")
+    assert sky.realisations["code"][0].n_sources == (11,)
 
 
 def test_rows_of_each_case_and_member(table):
@@ -80,3 +85,17 @@ def test_the_summary_counts_failures(table):
     summary = restarts.EXPERIMENT.summary(table)
     assert len(summary) == len(restarts.CASES) + 1
     assert summary["failed"].str.fullmatch(r"[0-2] of 2").all()
+
+
+def test_the_summary_counts_them_in_the_row_of_their_case():
+    rows = Record.load(restarts.EXPERIMENT, RESULTS / "restarts_laptop_default.json").rows
+    expected = [f"{one.failed} of {one.members}" for one in failures(rows).itertuples()]
+    keys = failures(rows)[["case", "n_sources"]].astype(str)
+    found = restarts.EXPERIMENT.summary(rows).set_index(["case", "n_sources"])["failed"]
+    assert found.to_dict() == dict(zip(keys.itertuples(index=False, name=None), expected, strict=True))
+
+
+def test_the_summary_of_a_case_without_a_finite_number(table):
+    lost = table.assign(value=table["value"].mask(table["case"] == "evolving"))
+    row = restarts.EXPERIMENT.summary(lost).set_index("case").loc["evolving"]
+    assert (row["failed"], row["mean error"]) == ("2 of 2", "–")

@@ -224,6 +224,10 @@ class TestDefault:
         assert shares.loc["D1", [*held]].tolist() == ["100", "67", "0"]
         assert (shares.drop(index="D1")[[*held]] == "–").to_numpy().all()
 
+    def test_a_reading_that_is_missing_on_a_sky_is_not_compared(self):
+        first = shares_first(pd.DataFrame({"code": [1.0, 1.0], "letter": [math.nan, 2.0]}))
+        assert first["code"] == 1 and math.isnan(first["letter"])
+
     def test_a_record_of_restarts_is_judged_by_what_it_has_of_the_oscillating_beam(self):
         held = {"code": (True, False), "letter, beyond = projection": (True, True)}
         rows = self.rows({(label, 7): [{"a": one} for one in several] for label, several in held.items()})
@@ -232,6 +236,10 @@ class TestDefault:
             rows.append(self.EMPTY | {"reading": "code"} | numbers)
         found = outcomes(restarts.EXPERIMENT.frame(rows))
         assert found["code"].numbers["mean error"].tolist() == [0.02]
+        rows.append(rows[-1] | {"quantity": "C/C0, masked", "x": 2.0})
+        rows[-2] = rows[-2] | {"value": math.nan}
+        found = outcomes(restarts.EXPERIMENT.frame(rows))
+        assert found["code"].numbers.columns.tolist() == ["mean error"] and found["code"].fails == "1 of 1"
         counts = {label: one.statements for label, one in found.items()}
         assert counts == {"code": 0.5, "letter, beyond = projection": 1.0}
 

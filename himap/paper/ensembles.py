@@ -70,13 +70,14 @@ def first_kept(case, options):
 
 
 def curves(rows, quantity):
-    """Values of a quantity, a DataFrame with a row for each restart and a column for each x."""
+    """Values of a quantity, a DataFrame with a row for each seed and restart and a column for each x."""
     chosen = rows[rows["quantity"] == quantity]
-    return chosen.pivot_table(index="restart", columns="x", values="value")
+    member = [name for name in ("seed", "restart") if name in rows]  # runs of one sky may have no seed
+    return chosen.pivot_table(index=member, columns="x", values="value")
 
 
 def samples(rows, floor):
-    """Values at one floor of the last S, and the last condition number of A, (n_restarts, n)."""
+    """Values at one floor of the last S, and the last condition number of A, (n_members, n)."""
     columns = [curves(rows, name)[floor] for name in MEASURES]
     return np.column_stack([*columns, curves(rows, "condition").iloc[:, -1]])
 

@@ -146,7 +146,7 @@ class Outcome:
         {claim: `himap.paper.claims.entries.Entry`}.
     numbers
         The other numbers, through the oscillating beam: a DataFrame with a row for each (seed,
-        restart) and a column for each quantity but `CURVES`; bands that the maps do not hold are missing.
+        restart) and a column for each quantity without an x; bands that the maps do not hold are missing.
     curves
         DataFrame of the rows of `CURVES`.
     statements
@@ -192,8 +192,8 @@ def outcomes(rows):
         judged = of_reading["quantity"].str.fullmatch(r"[A-Z]\d+")
         curves = of_reading["quantity"].isin(CURVES)
         claims = of_reading[judged].rename(columns={"quantity": "claim"}).assign(sentence="")
-        numbers = of_reading[~judged & ~curves].pivot_table(
-            index=["seed", "restart"], columns="quantity", values="value", aggfunc="first", sort=False
+        numbers = of_reading[~judged & of_reading["x"].isna()].pivot(
+            index=["seed", "restart"], columns="quantity", values="value"
         )
         by_claim = {entry.claim.id: entry for entry in entries(claims)}
         by_label[label] = Outcome(
@@ -244,11 +244,13 @@ def shares_first(counts, n_resamples=2000):
     Returns
     -------
     Series
-        Of each label; several that are equal share a resample.
+        Of each label, NaN where it is not known on every sky; several that are equal share a resample.
     """
     weights = np.random.default_rng(0).multinomial(
         len(counts), np.full(len(counts), 1 / len(counts)), n_resamples
     )
-    means = weights @ counts.to_numpy()
+    known = counts.dropna(axis=1)
+    means = weights @ known.to_numpy()
     first = np.isclose(means, means.max(axis=1, keepdims=True))
-    return pd.Series((first / first.sum(axis=1, keepdims=True)).mean(axis=0), counts.columns)
+    shares = (first / first.sum(axis=1, keepdims=True)).mean(axis=0)
+    return pd.Series(shares, known.columns).reindex(counts.columns)

@@ -25,8 +25,9 @@ condition of 10^4.5 eigenvalues of A^T A reach the floor of C21's code, 1e-9."""
 def members_of(table):
     """A row for each member, a DataFrame: columns "ensemble", "failed" and a quantity each."""
     columns = ["seed", "reading", "restart"]
-    values = table.pivot_table(index=columns, columns="quantity", values="value", sort=False)
-    values = values[["mean error", *(name for name in FLAGS if name in values)]].reset_index()
+    values = table.pivot(index=columns, columns="quantity", values="value")  # keeps what is not finite
+    known = values.dropna(axis=1, how="all")
+    values = values[["mean error", *(name for name in FLAGS if name in known)]].reset_index()
     ensembles = values.groupby(columns[:2], sort=False).ngroup()
     return values.assign(ensemble=ensembles, failed=~(values["mean error"] <= FAILING))
 

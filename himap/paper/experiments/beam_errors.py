@@ -146,6 +146,7 @@ def tolerated(table, limit=0.01):
     """The error of each kind up to which the largest excess is at most `limit` more than with the exact beam.
 
     Between the errors that were tried it is interpolated in the logarithms; beyond the largest it is that.
+    Of an error of both signs the worse counts.
 
     Returns
     -------
@@ -156,7 +157,8 @@ def tolerated(table, limit=0.01):
     for (*method, kind, error), value in excess.items():
         if kind not in ("none", "beam") and error:
             more = value - excess[*method, "width", 0.0]
-            curves.setdefault((*method, kind), {})[error] = max(more, limit / 1e6)
+            known, size = curves.setdefault((*method, kind), {}), abs(error)
+            known[size] = max(more, known.get(size, limit / 1e6))
     largest = {}
     for key, more in curves.items():
         errors, values = np.array(sorted(more.items())).T

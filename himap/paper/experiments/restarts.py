@@ -27,17 +27,18 @@ CASES = (*BEAMS, "dimmed")
 """Observations that members are shown of."""
 
 SCAN = "scan"
-"""Case of other numbers of sources than Table 1's, through the oscillating beam."""
+"""Case of the scan of numbers of sources, Table 1's among them, through the oscillating beam."""
 
 
 def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **settings):
     """A list of `JudgedSky`, each with `n_restarts` of a reading, or of every candidate for "all".
 
-    The scan has each number of sources up to 8, then 10, 15 and 20. Settings, and what is refused, are as of
-    `himap.paper.experiments.claims.realisations`.
+    The scan has each number of sources up to 8, then 10, 15 and 20; where it has none of these, the least.
+    Settings, and what is refused, are as of `himap.paper.experiments.claims.realisations`.
     """
     whole = realisations(n_sources_min=n_sources_min, n_sources_max=n_sources_max, **settings)
-    scan = tuple(n for n in whole[0].n_sources if n <= 8 or n in _SPARSE)
+    every = whole[0].n_sources
+    scan = tuple(n for n in every if n <= 8 or n in _SPARSE) or every[:1]
     several = candidates().values() if reading == "all" else [find_reading(reading)]
     return judged_skies([replace(sky, n_sources=scan) for sky in whole], several, n_restarts)
 
@@ -46,8 +47,8 @@ def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **s
 def measure(sky):
     """Claims and numbers of every member on a `JudgedSky`, rows with the columns of a record.
 
-    Of a single reading there are curves too, and other numbers of sources; of many, through the other beams
-    no more than the mean error, so that a record stays small.
+    Of a single reading there are curves too, and the scan; of many, through the other beams no more than the
+    mean error, so that a record stays small.
     """
     empty, rows = dict.fromkeys(EXPERIMENT.columns) | {"n_sources": 0, "x": math.nan}, []
     single = len(sky.realisations) == 1
@@ -120,14 +121,10 @@ def _summary(rows):
     """Of each reading, case and number of sources how many members fail, and the median of some numbers."""
     shown = ("mean error", "C/C0, 2 to 4", "P/P0, k < 0.03", "bump", "flagged", "condition")
     numbers = rows[rows["quantity"].isin(shown)]
-    table = numbers.pivot_table(
-        index=["reading", "case", "n_sources"],
-        columns="quantity",
-        values="value",
-        aggfunc="median",
-        sort=False,
-    )
-    table.insert(0, "failed", [f"{one.failed} of {one.members}" for one in failures(rows).itertuples()])
+    run, failed = ["reading", "case", "n_sources"], failures(rows)
+    table = numbers.pivot_table("value", run, "quantity", "median", sort=False)
+    table = table.reindex(pd.MultiIndex.from_frame(failed[run]))  # where no number is finite there is no row
+    table.insert(0, "failed", [f"{one.failed} of {one.members}" for one in failed.itertuples()])
     texts = table.reset_index().map(lambda value: f"{value:.3g}" if isinstance(value, float) else str(value))
     return texts.replace("nan", "–")  # what is not measured of many readings
 

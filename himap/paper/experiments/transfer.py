@@ -86,7 +86,7 @@ def coverage(table):
 
 
 def chi_squared(table):
-    """Mean of ((corrected - truth) / error bar)^2, which is 1 of true error bars."""
+    """Mean of ((corrected - truth) / error bar)^2: of true bars `himap.measures.bootstrap.squared_pull`."""
     return float((((table["corrected"] - 1) / table["error_bar"]) ** 2).mean())
 
 
