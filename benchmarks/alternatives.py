@@ -22,7 +22,7 @@ N_LINES, N_CHANNELS, N_MODES = 64, 8, 1000  # the sample that a slow alternative
 
 
 def alternatives_to(case, method, separation):
-    """The alternatives to a method on a case, the usual one first; none for one that this file does not know.
+    """The alternatives to a method on a case; none for one that this file does not know.
 
     Parameters
     ----------
@@ -36,7 +36,8 @@ def alternatives_to(case, method, separation):
     Returns
     -------
     list of tuple
-        A name, a function, and how many times the work of that function is the work of the method.
+        A name, a function, and how many times the work of that function is the work of the method; the table
+        of all steps has the first.
     """
     alternatives = _ALTERNATIVES.get(method.name) if method else _for_polynomials
     if alternatives is None:
@@ -98,7 +99,7 @@ def _for_pca(case, masked, method, separation):
 
 
 def _for_fastica(case, masked, method, separation):
-    """By both of its ways to whiten; svd is the default."""
+    """By both of its ways to whiten: eigh, meant for many more pixels than channels, and svd, its default."""
     maps = pipeline.observation(case).maps
     options = {"fun": method.contrast, "max_iter": method.max_iterations, "tol": method.tolerance}
     for solver in ("eigh", "svd"):
