@@ -15,7 +15,7 @@ from functools import wraps
 import click
 
 from benchmarks.floors import Machine
-from benchmarks.measure import measured, write_result
+from benchmarks.measure import Benchmark, measured, write_result
 from benchmarks.steps import STEPS, prepare
 from himap.app.parameters import parse_texts
 from himap.app.stored_tables import steps_table
@@ -48,7 +48,7 @@ def case_options(command):
     return with_case
 
 
-@click.command()
+@click.command(cls=Benchmark)
 @case_options
 @click.option("--only", multiple=True, type=click.Choice([step.name for step in STEPS]), help="These steps.")
 @click.option("--alone", is_flag=True, help="Without the alternatives.")

@@ -24,14 +24,15 @@ import h5py
 import numpy as np
 import psutil
 
-from benchmarks.measure import write_result
+from benchmarks.measure import Benchmark, write_result
 from benchmarks.places import Place
 from himap.core.survey import PRESETS
 from himap.store.provenance import Provenance
 
 _N_CHANNELS, _NSIDE = 40, 32  # of the cube that is cleaned
-_SKY = ["--preset", "ci"]
-_CLAIMS = ["-p", "n_realisations=1", "-p", "n_restarts=1", "-p", "n_sources_max=5", "--jobs", "2"]
+_RUN = "run 04_pca --preset ci"
+_CLAIMS = "measure claims --preset ci -p n_realisations=1 -p n_restarts=1 -p n_sources_max=5 --jobs 2"
+_CLEAN = "clean cube.h5 --method pca -p n_sources=2 -o cleaned.fits"
 
 
 class Trial:
@@ -150,55 +151,58 @@ def kill_workers(trial, n_times, chance):
 def _count_end(trial, place, process, words):
     """How a command ended that cannot have what it needs: it says these words, or does not."""
     code, said = process.wait(), place.errors.read_text(errors="replace")
+    trial.finish(place)  # first, for it drops counts of zero
     trial.counts["told_in_a_sentence"] += code == 2 and words in said and "Traceback" not in said
     trial.counts["done_all_the_same"] += code == 0
-    trial.finish(place)
 
 
-def _stored(output):
-    """The counts in a file that is there, {} where there is none."""
-    return json.loads(Path(output).read_text())["found"] if output and Path(output).exists() else {}
+def _stored(output, part="found"):
+    """The counts in a file that is there, or another part of it, {} where there is none."""
+    return json.loads(Path(output).read_text())[part] if output and Path(output).exists() else {}
 
 
-@click.command()
+def _about(pairs, started):
+    made = Provenance.of(PRESETS["ci"], galaxy="synthetic", preset="ci", started=started)
+    return asdict(made) | {"overrides": [pair.split("=", 1) for pair in pairs]}
+
+
+_TRIALS = {
+    "run_killed": (_RUN, kill),
+    "claims_killed": (_CLAIMS, kill),
+    "clean_killed": (_CLEAN, kill),
+    "four_processes": (_RUN, share),
+    "full_disk_run": (_RUN, fill_disk),
+    "full_disk_clean": (_CLEAN, fill_disk),
+    "dead_worker": (_CLAIMS, kill_workers),
+}
+"""{name: (command, what disturbs it)}"""
+
+
+@click.command(cls=Benchmark)
 @click.option("--kills", default=100, show_default=True, help="SIGKILLs, a third of them for each command.")
 @click.option("-p", "pairs", multiple=True, metavar="NAME=VALUE", help="A field of the survey.")
-@click.option(
-    "--only",
-    multiple=True,
-    metavar="NAME",
-    help="Of the counts; the file keeps the others.",
-)
+@click.option("--only", multiple=True, type=click.Choice(list(_TRIALS)), help="The file keeps the others.")
 @click.option("--seed", default=1, show_default=True, help="Of the random points.")
 @click.option("-o", "--output", metavar="FILE", type=click.Path(dir_okay=False), help="JSON file to write.")
 def main(kills, pairs, only, seed, output):
     """Kill, share and fill, and count what is lost."""
-    chance, started, fields = random.Random(seed), monotonic(), [w for pair in pairs for w in ("-p", pair)]
-    run = ["run", "04_pca", *_SKY, *fields]
-    claims = ["measure", "claims", *_SKY, *fields, *_CLAIMS]
-    clean = ["clean", "cube.h5", "--method", "pca", "-p", "n_sources=2", "-o", "cleaned.fits"]
-    each, few = -(-kills // 3), max(1, kills // 10)
-    trials = [
-        ("run_killed", run, lambda trial: kill(trial, each, chance)),
-        ("claims_killed", claims, lambda trial: kill(trial, each, chance)),
-        ("clean_killed", clean, lambda trial: kill(trial, each, chance)),
-        ("four_processes", run, lambda trial: share(trial, 4, chance)),
-        ("full_disk_run", run, lambda trial: fill_disk(trial, few, chance)),
-        ("full_disk_clean", clean, lambda trial: fill_disk(trial, few, chance)),
-        ("dead_worker", claims, lambda trial: kill_workers(trial, max(1, few // 3), chance)),
-    ]
-    found = _stored(output) if only else {}
+    chance, fields = random.Random(seed), [word for pair in pairs for word in ("-p", pair)]
+    few = max(1, kills // 10)
+    times = {kill: -(-kills // 3), share: 4, fill_disk: few, kill_workers: max(1, few // 3)}
+    found, before = (_stored(output, part) if only else {} for part in ("found", "about"))
+    started = monotonic() - before.get("seconds", 0)
+    now, then = (json.dumps(about | {"seconds": 0}) for about in (_about(pairs, started), before))
+    if before and now != then:
+        raise click.ClickException(f"{output} is of other parameters, code or packages; leave out --only.")
     with tempfile.TemporaryDirectory(prefix="e") as home:
-        for name, words, disturb in trials:
+        for name, (command, disturb) in _TRIALS.items():
             if only and name not in only:
                 continue
-            trial = Trial(name, words, Path(home))
-            disturb(trial)
+            trial = Trial(name, command.split() + (command != _CLEAN) * fields, Path(home))
+            disturb(trial, times[disturb], chance)
             found[name] = {"undisturbed_seconds": trial.seconds, **dict(trial.counts)}
             click.echo(f"{name}: {found[name]}")
-            about = asdict(Provenance.of(PRESETS["ci"], galaxy="synthetic", preset="ci", started=started))
-            about["overrides"] = [pair.split("=", 1) for pair in pairs]
-            write_result(output, {"about": about, "found": found})  # after each, for the next takes long
+            write_result(output, {"about": _about(pairs, started), "found": found})  # the next takes long
 
 
 if __name__ == "__main__":

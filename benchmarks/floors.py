@@ -105,10 +105,10 @@ def lines(survey, _):
     return Needs(n_bytes=3 * _cube(survey), operations=4 * 7 * n)
 
 
-def pca(survey, _):
+def pca(survey, residual):
     """A covariance and two products with the cube; cube centred, read, mixed and subtracted."""
-    n = survey.n_channels * survey.n_pix
-    return Needs(n_bytes=8 * _cube(survey), operations=survey.n_channels * n + 4 * 5 * n)
+    n, n_sources = survey.n_channels * survey.n_pix, residual.mixing.shape[1]
+    return Needs(n_bytes=8 * _cube(survey), operations=(survey.n_channels + 4 * n_sources) * n)
 
 
 def fastica(survey, residual):

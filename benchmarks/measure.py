@@ -6,8 +6,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 
+import click
 import psutil
 
+from himap.core.errors import InputError
 from himap.core.files import atomic_files
 from himap.core.survey import Survey
 from himap.paper import cleaned, pipeline
@@ -28,6 +30,16 @@ class Measured:
     memory: int
     needs: object
     alternatives: list[tuple]
+
+
+class Benchmark(click.Command):
+    """A command whose users' errors end in one sentence."""
+
+    def invoke(self, context):
+        try:
+            return super().invoke(context)
+        except InputError as error:
+            raise click.ClickException(str(error)) from None
 
 
 def write_result(output, content):

@@ -9,12 +9,12 @@ means that the alternative takes longer. Times depend on the machine, ratios les
 import click
 
 from benchmarks.__main__ import case_options
-from benchmarks.measure import measured
+from benchmarks.measure import Benchmark, measured
 from benchmarks.steps import STEPS, prepare, step_of
 from himap import removal
 
 
-@click.command()
+@click.command(cls=Benchmark)
 @case_options
 def main(preset, case):
     """Time all methods on one observation."""

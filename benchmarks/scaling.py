@@ -4,7 +4,8 @@
 
 An exponent is p of cost = a x^p between the two largest sizes, for the smallest is ruled by fixed costs.
 A shared machine changes its pace within minutes, so a probe of it is timed before and after every
-measurement, and costs are those at the quickest pace that was seen. The book's chapter on scale draws them.
+measurement, and the costs of a step are those at the quickest pace among its sizes. The book's chapter on
+scale draws them.
 """
 
 from dataclasses import asdict, replace
@@ -13,7 +14,7 @@ from time import perf_counter
 import click
 import numpy as np
 
-from benchmarks.measure import measured, write_result
+from benchmarks.measure import Benchmark, measured, write_result
 from benchmarks.steps import STEPS, prepare
 from himap.core.survey import PRESETS
 from himap.instrument.beams.paper import Oscillating
@@ -25,7 +26,7 @@ SIZES = {
     "nside": [{"nside": n, "box_cells": 4 * n} for n in (32, 64, 128)],
     "n_channels": [{"n_channels": n} for n in (125, 250, 500)],
 }
-BASES = {"nside": replace(PRESETS["ci"], nside=64), "n_channels": PRESETS["laptop"]}
+BASES = {"nside": "ci", "n_channels": "laptop"}
 
 
 def exponents(sizes, seconds):
@@ -54,7 +55,7 @@ def measure(steps):
     """{what grows: {step: {"sizes", "seconds", "probe", "memory_gb", "exponent"}}}."""
     costs = {}
     for name, variants in SIZES.items():
-        surveys = [replace(BASES[name], **changed) for changed in variants]
+        surveys = [replace(PRESETS[BASES[name]], **changed) for changed in variants]
         sizes = [getattr(survey, name) for survey in surveys]
         runs = {step.name: [] for step in steps}
         for survey in surveys:
@@ -79,13 +80,14 @@ def measure(steps):
     return costs
 
 
-@click.command()
+@click.command(cls=Benchmark)
 @click.option("-o", "--output", metavar="FILE", type=click.Path(dir_okay=False), help="JSON file to write.")
 @click.option("--only", multiple=True, type=click.Choice([step.name for step in STEPS]), help="These steps.")
 def main(output, only):
     """Measure the steps at several sizes."""
     costs = measure([step for step in STEPS if not only or step.name in only])
-    about = asdict(Provenance.of(BASES["nside"], galaxy="synthetic", preset="ci", parameters={}))
+    about = asdict(Provenance.of(PRESETS["ci"], galaxy="synthetic", preset="ci"))
+    about["preset"] = ", ".join(f"{name} at {preset}" for name, preset in BASES.items())
     write_result(output, {"about": about, "found": costs})
 
 

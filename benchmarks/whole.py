@@ -19,7 +19,7 @@ from pathlib import Path
 
 import click
 
-from benchmarks.measure import peak_memory, write_result
+from benchmarks.measure import Benchmark, peak_memory, write_result
 from himap.core.survey import PRESETS, Survey
 from himap.sky.galaxy import SOURCES, Galaxy
 from himap.store.provenance import Provenance
@@ -33,7 +33,7 @@ COMMANDS = {
 }
 
 
-@click.command()
+@click.command(cls=Benchmark)
 @click.option("--preset", type=click.Choice(list(PRESETS)), default="paper", show_default=True)
 @click.option("--galaxy", type=click.Choice(SOURCES), default="synthetic", show_default=True)
 @click.option("--template-dir", type=click.Path(exists=True, resolve_path=True), help="Of the templates.")
@@ -43,22 +43,25 @@ COMMANDS = {
 @click.option("-o", "--output", metavar="FILE", type=click.Path(dir_okay=False), help="JSON file to write.")
 def main(preset, galaxy, template_dir, jobs, n_restarts, folder, output):
     """Time the whole paper, and the memory of its processes."""
-    sky = Galaxy(source=galaxy, template_dir=template_dir)
+    given = {"galaxy": Galaxy(source=galaxy, template_dir=template_dir), "preset": preset}
+    given["parameters"] = {"jobs": jobs, "n_restarts": n_restarts}
     options = ["--preset", preset, "-p", f"galaxy={galaxy}", "--jobs", str(jobs)]
     options += ["-p", f"template_dir={template_dir}"] if template_dir else []
     started, rows = time.monotonic(), []
     with tempfile.TemporaryDirectory() as temporary_folder:
         cache, place = Path(temporary_folder, "cache"), Path(folder or temporary_folder)
         place.mkdir(parents=True, exist_ok=True)
+        if (place / "ledger.json").exists():
+            raise click.ClickException(f"{place / 'ledger.json'} exists; give another --folder.")
         for name, command in COMMANDS.items():
             words = command.format(n_restarts=n_restarts).split()
             rows.append({"step": name} | _run([*words, *options], place, cache))
             click.echo(f"{name:32}{rows[-1]['seconds']:7.0f} s {rows[-1]['memory_gb']:6.1f} GB")
-    seconds, memory = sum(row["seconds"] for row in rows), max(row["memory_gb"] for row in rows)
+            seconds, memory = sum(row["seconds"] for row in rows), max(row["memory_gb"] for row in rows)
+            about = asdict(Provenance.of(Survey.preset(preset), **given, started=started))
+            stored = {"about": about, "commands": rows, "seconds": seconds, "memory_gb": memory}
+            write_result(output, stored)  # after each, for the next may fail
     click.echo(f"{'all':32}{seconds:7.0f} s {memory:6.1f} GB")
-    given = {"galaxy": sky, "preset": preset, "parameters": {"jobs": jobs, "n_restarts": n_restarts}}
-    about = asdict(Provenance.of(Survey.preset(preset), **given, started=started))
-    write_result(output, {"about": about, "commands": rows, "seconds": seconds, "memory_gb": memory})
 
 
 def _run(arguments, folder, cache):

@@ -1,23 +1,30 @@
 """The benchmarks run, and compare with code that does the same work. No test reads a clock."""
 
 import json
+from collections import Counter
+from dataclasses import asdict
+from types import SimpleNamespace
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from sklearn import decomposition
 
 from benchmarks import __main__ as chain_of_steps
-from benchmarks import alternatives, methods, scaling, steps, whole
+from benchmarks import alternatives, endurance, floors, methods, scaling, steps, whole
 from benchmarks.floors import Machine, Needs
 from benchmarks.measure import Measured, measured
 from himap import removal
+from himap.app.stored_tables import endurance_table
+from himap.core.survey import PRESETS
 from himap.maps import sphere
 from himap.paper.methods import TABLE_1, paper_beams
 from himap.removal.blurred_mixture import BlurredMixture
 from himap.removal.parametric import Parametric
 from himap.removal.pca import PCA
 from himap.removal.peaks import smooth_baselines
+from himap.store.provenance import Provenance
 
 TINY = {"nside": "8", "n_channels": "30", "box_cells": "16"}
 COMPARED = {"sdecgmca", "peak masking", "pca", "fastica", "gmca", "polynomial", "parametric"}
@@ -108,6 +115,12 @@ def test_floors_add_up():
     assert needs.floor(machine) == pytest.approx(0.1 + 0.1 + 3 + 1 + 0.5)
 
 
+def test_the_floor_of_pca_grows_with_its_sources():
+    three, seven = (floors.pca(PRESETS["ci"], SimpleNamespace(mixing=np.zeros((100, n)))) for n in (3, 7))
+    products = 2 * 2 * 100 * 12 * 32**2  # of one source, with the cube and back, two operations each
+    assert seven.operations - three.operations == 4 * products
+
+
 @pytest.fixture
 def small_trials(monkeypatch):
     """The machine is measured with arrays that are soon done."""
@@ -156,6 +169,67 @@ def test_all_commands_of_the_paper_in_one(tmp_path, monkeypatch):
     assert "ended with 2" in CliRunner().invoke(whole.main, ["--preset", "ci"]).output
 
 
+def test_a_command_that_fails_leaves_what_was_timed_before_it(tmp_path, monkeypatch):
+    def run(arguments, *_):
+        if "claims" in arguments:
+            raise click.ClickException("no ledger")
+        return {"seconds": 2.0, "memory_gb": 1.0}
+
+    monkeypatch.setattr(whole, "_run", run)
+    path = tmp_path / "whole.json"
+    options = ["--preset", "ci", "--folder", str(tmp_path), "-o", str(path)]
+    assert "no ledger" in CliRunner().invoke(whole.main, options).output
+    found = json.loads(path.read_text())
+    assert len(found["commands"]) == len(whole.COMMANDS) - 1 == found["seconds"] / 2
+    path.unlink()
+    (tmp_path / "ledger.json").touch()
+    assert "ledger.json exists" in CliRunner().invoke(whole.main, options).output and not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [
+        (chain_of_steps.main, ["--survey", "nside", "7"]),
+        (methods.main, ["--beam", "nonsense"]),
+        (whole.main, ["--galaxy", "templates"]),
+    ],
+)
+def test_bad_input_ends_in_a_sentence(command, options):
+    done = CliRunner().invoke(command, options)
+    assert done.exit_code == 1 and done.output.startswith("Error: ") and done.output.count("\n") == 1
+
+
+def test_ends_without_a_sentence_are_failures(tmp_path):
+    (tmp_path / "errors.txt").write_text("Traceback")
+    place = SimpleNamespace(
+        folder=tmp_path, errors=tmp_path / "errors.txt", results=dict, gone=int, left=Counter
+    )
+    trial = object.__new__(endurance.Trial)
+    trial.counts, trial.expected = Counter(full_disks=1), {}
+    endurance._count_end(trial, place, SimpleNamespace(wait=lambda: 1), "Error: ")
+    about = asdict(Provenance.of(PRESETS["ci"], galaxy="synthetic", preset="ci"))
+    table = endurance_table({"about": about, "found": {"full_disk_run": trial.counts}})
+    assert "| 1 | **1** | 0 | 0 |" in " ".join(table.split())
+
+
+def test_counts_of_one_file_have_one_provenance(tmp_path, monkeypatch):
+    monkeypatch.setattr(endurance, "kill", lambda *_: None)
+    trials = {name: ("run", endurance.kill) for name in ("run_killed", "clean_killed")}
+    monkeypatch.setattr(endurance, "_TRIALS", trials)
+    monkeypatch.setattr(endurance, "Trial", lambda *_: SimpleNamespace(seconds=1.0, counts={"kills": 1}))
+    path = tmp_path / "endurance.json"
+
+    def count(name, *options):
+        options = ["--only", name, "-o", str(path), *options]
+        return CliRunner().invoke(endurance.main, options)
+
+    assert count("run_killed").exit_code == count("clean_killed").exit_code == 0
+    before = path.read_bytes()
+    assert set(json.loads(before)["found"]) == set(trials)
+    assert "other parameters" in count("run_killed", "-p", "nside=8").output
+    assert count("run_kiled").exit_code == 2 and path.read_bytes() == before
+
+
 def test_times_of_a_machine_that_slows_down_are_brought_to_one_pace():
     assert scaling.at_one_pace([(2.0, 1.0), (24.0, 3.0)]) == pytest.approx([2, 8])
 
@@ -163,3 +237,10 @@ def test_times_of_a_machine_that_slows_down_are_brought_to_one_pace():
 def test_exponents():
     sizes = np.array([32, 64, 128])
     assert scaling.exponents(sizes, 0.1 * sizes**2.5) == pytest.approx(2.5)
+
+
+def test_growth_says_at_which_preset_what_grows(tmp_path, monkeypatch):
+    monkeypatch.setattr(scaling, "measure", lambda steps: {})
+    CliRunner().invoke(scaling.main, ["-o", str(tmp_path / "cost.json")], catch_exceptions=False)
+    about = json.loads((tmp_path / "cost.json").read_text())["about"]
+    assert Provenance.of_stored(about).footer().startswith("nside at ci, n_channels at laptop · synthetic")
