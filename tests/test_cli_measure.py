@@ -85,6 +85,10 @@ class TestWrite:
         assert record.made.preset == "ci" and dict(record.about["overrides"])["n_realisations"] == 2
         code, out, _ = himap_command(*CLAIMS[:-1], "laptop", "-p", "n_realisations=2", "-p", "nside=128")
         assert code == 0 and "Too coarse" not in out
+        code, out, _ = himap_command(*CLAIMS, "-p", "box_cells=1024")
+        assert code == 0 and "Too coarse to judge: D1," in out and "B1 to B3" not in out
+        code, out, _ = himap_command(*CLAIMS[:-1], "laptop", "-p", "box_cells=128")
+        assert code == 0 and "Too coarse to judge: B1 to B3" in out and " Mpc/h wide and not 1.5" in out
 
     def test_rows_fit_the_terminal(self, himap_command, seen, monkeypatch):
         lines = {}

@@ -10,7 +10,7 @@ reported, not made again.
 import json
 import math
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from himap.app.notebooks import notebooks
@@ -131,7 +131,8 @@ def _judgements(record, made):
     names = "size", "galaxy", *CHOICES
     words = ", ".join(words[name] for name in names if words[name] not in ("", usual[name]))
     reading = dict(made.overrides).get("reading", "default")
-    coarse = too_coarse(changed.get("nside", Survey.preset(record.made.preset).nside))
+    own = {one.name: changed[one.name] for one in fields(Survey) if one.name in changed}
+    coarse = too_coarse(Survey.preset(record.made.preset, **own))
     if record.experiment.name == "claims":
         label = changed.get("reading", "default")
         several = {label: {entry.claim.id: entry for entry in entries(record.rows)}}

@@ -327,6 +327,6 @@ def _remarks_on(maps, freqs, weights):
     if not evenly_spaced(freqs):
         steps = np.diff(freqs)
         remarks.append(
-            f"channels are {steps.min():g} to {steps.max():g} MHz apart; P(k) assumes that they are evenly spaced."
+            f"channels are {steps.min():g} to {steps.max():g} MHz apart; P(k) assumes even spacing."
         )
     return remarks

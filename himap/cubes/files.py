@@ -219,8 +219,8 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
     if freqs is None:
         how = " Names of files state them where each has one number in MHz or GHz, as map_950.5MHz.fits has."
         raise InputError(
-            f"{path} does not state its frequencies; give them with freqs= (--freqs FILE), MHz, or name their "
-            f"dataset (--freqs-name).{how * bool(layout.names)}"
+            f"{path} does not state its frequencies; give them with freqs= (--freqs FILE), MHz, or name "
+            f"their dataset (--freqs-name).{how * bool(layout.names)}"
         )
     if freqs.shape != (n_channels,):
         raise InputError(

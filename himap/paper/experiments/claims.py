@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
+from himap.core.survey import PRESETS
 from himap.instrument.beams.paper import Oscillating
 from himap.paper import cleaned, ledger_table
 from himap.paper.claims import CLAIMS
@@ -153,23 +154,28 @@ def _summary(rows):
     return table
 
 
-def too_coarse(nside):
-    """The ids of claims that maps of this nside are too coarse to judge, a tuple."""
-    return (*_UP_TO_TOP, *_ON_PEAKS) if 2 * nside < _PAPER_TOP else ()
+def too_coarse(survey):
+    """The ids of claims that maps or HI cells of a `Survey` are too coarse to judge, a tuple."""
+    cell, finest = (one.box_size / one.box_cells for one in (survey, PRESETS["laptop"]))
+    return (_UP_TO_TOP if 2 * survey.nside < _PAPER_TOP else ()) + (_ON_PEAKS if cell > finest else ())
 
 
 def _remark(sky):
-    """What brackets are, and what the maps of a sky are too coarse to judge, if they end below l = 200."""
-    brackets = "In brackets: the 1σ interval of a share, the 16 to 84 % of the members of a number."
-    survey = sky.survey
-    if not too_coarse(survey.nside):
-        return brackets
-    cell, top = survey.box_size / survey.box_cells, 2 * survey.nside
-    return (
-        f"{brackets} Too coarse to judge: {', '.join(_UP_TO_TOP)}, as these maps end at l = {top} and not at "
-        f"{_PAPER_TOP}; B1 to B3, which are about peaks, as cells of HI are {cell:.0f} Mpc/h wide and not "
-        "1.5. The verdicts of the book are at --preset laptop."
+    """What brackets are, and which claims a sky is too coarse to judge."""
+    survey, said = (
+        sky.survey,
+        "In brackets: the 1σ interval of a share, the 16 to 84 % of the members of a number.",
     )
+    coarse, why = too_coarse(survey), []
+    if _UP_TO_TOP[0] in coarse:
+        top = 2 * survey.nside
+        why.append(f"{', '.join(_UP_TO_TOP)}, as these maps end at l = {top} and not at {_PAPER_TOP}")
+    if _ON_PEAKS[0] in coarse:
+        cell = f"{survey.box_size / survey.box_cells:.0f} Mpc/h wide and not 1.5"
+        why.append(f"B1 to B3, which are about peaks, as cells of HI are {cell}")
+    if why:
+        said += f" Too coarse to judge: {'; '.join(why)}. The verdicts of the book are at --preset laptop."
+    return said
 
 
 EXPERIMENT = Experiment(
