@@ -136,8 +136,12 @@ class TestFigures:
         rows = self.ROWS.query("galaxy == 'synthetic' and alms == 'own'")
         figure = growth_figure({"one": rows, "two": rows})
         assert [axes.get_title() for axes in figure.axes] == ["one", "two"]
-        (axes, condition) = variants_figure({"a": rows, "b": rows}).axes
-        assert axes.get_yscale() == condition.get_yscale() == "log"
+        variants = variants_figure({"a": rows, "b": rows})
+        assert {axes.get_yscale() for axes in variants.axes} == {"log"}
+        for one, names in ((figure, ("one", "two")), (variants, ("a", "b"))):
+            text, (legend,) = one._repr_mimebundle_()["text/csv"], one.legends
+            assert all(f",{name}, restarts: 50 %," in text.replace('"', "") for name in names)
+            assert legend.get_texts()[0].get_text() == "restarts"
 
     def test_distributions_rise_from_0_to_1(self):
         rows = self.ROWS.query("galaxy == 'templates'")

@@ -164,7 +164,8 @@ class TestLines:
         assert [axes.get_title() for axes in shown] == ["both"] * 3
         assert texts(shown[0].get_legend().get_texts()) == ["line", "one, two"]
         assert shown[0].lines[1].get_linestyle() == "None"
-        assert rows_of(figure)[1:3] == [["both", "line", "1", "5"], ["both", "one, two", "2", "7"]]
+        name = "both, panel 1"
+        assert rows_of(figure)[1:3] == [[name, "line", "1", "5"], [name, "one, two", "2", "7"]]
 
     def test_a_bundle_is_all_its_curves_with_one_name(self):
         """All are drawn, below the curves and faint; the legend shows one, the numbers are percentiles."""
@@ -254,6 +255,22 @@ class TestMarks:
 
 
 class TestData:
+    @pytest.mark.parametrize("differ", ["title", "ylabel", "xlabel", "number"])
+    def test_panels_are_told_apart(self, differ):
+        """Whatever differs, in figures of every kind: of a label, each x has one value in a panel."""
+        look, pair = {"label": "PCA", "color": "red"}, []
+        for n in (1, 2):
+            same = {"title": "", "xlabel": "l", "ylabel": "C"}
+            labels = {key: f"{n}" if key == differ else text for key, text in same.items()}
+            curves = {"curves": [(K, n * K, look)], "bundles": [(K, [n * K, K], look)]}
+            ranges = {"curves": [(K, n * K, K, K, look)]}
+            spectra = PANEL | {"true": (K, n * K)}
+            pair.append((labels | curves, labels | ranges, spectra | labels))
+        draw = plotting.lines, plotting.ratios, plotting.spectrum
+        for figure in (one(list(panels)) for one, panels in zip(draw, zip(*pair, strict=True), strict=True)):
+            rows = rows_of(figure)
+            assert len({tuple(row[:3]) for row in rows}) == len(rows) and len({row[0] for row in rows}) == 2
+
     def test_maps_are_healpy_means_to_four_digits(self, rng):
         maps = {"C/C0, a": 1e5 * rng.standard_normal(12 * 64**2), "b": rng.standard_normal(12 * 64**2)}
         maps |= {"coarse": rng.lognormal(size=12 * 16**2)}
@@ -278,7 +295,8 @@ class TestData:
         labels = {"xlabel": "x", "ylabel": "y", "unit": "mK"}
         figure, again = (plotting.image(np.outer(y, x), x=x, y=y, **labels) for _ in range(2))
         assert figure._repr_mimebundle_() == again._repr_mimebundle_()  # the same numbers make the same file
-        assert figure.axes[0].images[0].get_extent() == [900, 1400, -180, 180]
+        extent = figure.axes[0].images[0].get_extent()  # pixels lie about their middles
+        assert extent == pytest.approx([900 - 62.5, 1400 + 62.5, -180 - 30, 180 + 30])
         file = arrays_of(figure)
         for name, expected in {"values": np.outer(y, x), "x": x, "y": y}.items():
             np.testing.assert_allclose(file[name], expected, rtol=1.3e-4)

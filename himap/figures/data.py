@@ -41,6 +41,25 @@ def with_curves(figure, curves):
     return _carrying(figure, _CURVES, text.getvalue())
 
 
+def panel_names(panels):
+    """What the panels of a figure are called in its file, so that each can be told from the others.
+
+    That is the title; where it is empty or that of another panel too, with the labels of the axes and at last
+    with a number. `panels` are dicts, as of `himap.figures.plotting.lines`.
+
+    >>> panel_names([{"title": "a", "ylabel": "C"}, {"title": "a", "ylabel": "P"}, {"title": "b"}, {}])
+    ['a, C', 'a, P', 'b', 'panel 4']
+    """
+    names = [""] * len(panels)
+    parts = [panel | {"number": f"panel {n}"} for n, panel in enumerate(panels, start=1)]
+    for key in ("title", "ylabel", "xlabel", "number"):
+        names = [
+            name if name and names.count(name) == 1 else ", ".join(filter(None, (name, part.get(key))))
+            for name, part in zip(names, parts, strict=True)
+        ]
+    return names
+
+
 def with_maps(figure, maps, units):
     """The figure with its maps, at `NSIDE` or coarser.
 

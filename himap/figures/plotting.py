@@ -20,7 +20,7 @@ from himap.figures.axes import (
     set_ratio_axis,
     subplots,
 )
-from himap.figures.data import with_curves, with_image, with_maps
+from himap.figures.data import panel_names, with_curves, with_image, with_maps
 from himap.figures.styles import AXES
 from himap.maps import sphere
 
@@ -141,15 +141,15 @@ def spectrum(panels):
     share = {"sharex": "col", "sharey": "row" if one_scale else "none"}
     figure, grid = plt.subplots(2, len(panels), figsize=(_WIDTH, 6.2), squeeze=False, **share)
     points, drawn_ratios = [], []
-    for (top, bottom), panel in zip(grid.T, panels, strict=True):
+    for (top, bottom), name, panel in zip(grid.T, panel_names(panels), panels, strict=True):
         x, y = (values[panel["true"][0] > 0] for values in panel["true"])
         top.loglog(x, y, **_TRUTH)
         _mark_one(bottom, "0.9")
-        points.append((panel["title"], _TRUTH["label"], *panel["true"]))
+        points.append((name, _TRUTH["label"], *panel["true"]))
         for style, at, recovered, true in panel["curves"]:
-            points += _points(panel, at, recovered, style)
+            points += _points(name, at, recovered, style)
             if not np.array_equal(np.atleast_2d(true)[0], panel["true"][1]):
-                points += _points(panel, at, true, style | {"label": f"{style['label']}: truth"})
+                points += _points(name, at, true, style | {"label": f"{style['label']}: truth"})
             drawn_ratios.append((recovered / true)[..., at > 0])
             _draw_curve(top, at[at > 0], recovered[..., at > 0], style)
             _draw_curve(bottom, at[at > 0], drawn_ratios[-1], style)
@@ -211,11 +211,11 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
     ----------
     panels
         A list of dicts: "curves", a list of (x, y, style), where y (n_members, n) of an ensemble are drawn as
-        median and 16 to 84 % band, with the members thin behind; optional "points", the same, drawn as
-        markers, "bundles", a list of (x, ys, style) with ys (n_curves, n_x), each of them one curve of many
-        that lie below the others, and "legend", its keywords; and anything `Axes.set` takes: title, xlabel,
-        xscale, xlim... Of a bundle, the numbers that a figure carries are percentiles over its curves. A
-        label that begins with "_" is not in the legend.
+        median and 16 to 84 % band, with the members thin behind; optional "points", a list of (x, y, style)
+        with y (n,), drawn as markers, "bundles", a list of (x, ys, style) with ys (n_curves, n_x), each of
+        them one curve of many that lie below the others, and "legend", its keywords; and anything `Axes.set`
+        takes: title, xlabel, xscale, xlim... Of a bundle, the numbers that a figure carries are percentiles
+        over its curves. A label that begins with "_" is not in the legend.
     columns, size
         Of panels, inches.
     legend_above
@@ -223,7 +223,7 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
     """
     figure, grid = subplots(len(panels), columns, size)
     points = []
-    for axes, panel in zip(grid, panels, strict=True):
+    for axes, name, panel in zip(grid, panel_names(panels), panels, strict=True):
         curves, markers, bundles = (panel.get(key, []) for key in ("curves", "points", "bundles"))
         for x, ys, style in bundles:  # as one picture: thousands of curves weigh no more than a few
             pairs = np.stack([np.broadcast_to(x, np.shape(ys)), ys], axis=-1)
@@ -243,11 +243,11 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
         if axes.get_legend_handles_labels()[1] and not legend_above:
             axes.legend(**({"fontsize": 8.5} | panel.get("legend", {})))
         for x, y, style in [*curves, *markers]:
-            points += _points(panel, x, y, style)
+            points += _points(name, x, y, style)
         for x, ys, style in bundles:
             kept = np.percentile(ys, _PERCENTILES, axis=0) if len(ys) else ()
             for percent, values in zip(_PERCENTILES, kept, strict=False):
-                points += _points(panel, x, values, {"label": f"{style.get('label', '')}: {percent} %"})
+                points += _points(name, x, values, {"label": f"{style.get('label', '')}: {percent} %"})
     if legend_above:
         legend_above_all(figure)
     return with_curves(figure, points)
@@ -265,13 +265,13 @@ def _draw_curve(axes, x, y, style):
 
 
 def _points(panel, x, y, style):
-    """[(title of the panel, label, x, y)] of a curve, or of the median, the band and the members of one."""
-    title, label = panel.get("title", ""), style.get("label", "").removeprefix("_")
+    """[(name of the panel, label, x, y)] of a curve, or of the median, the band and the members of one."""
+    label = style.get("label", "").removeprefix("_")
     if np.ndim(y) < 2:
-        return [(title, label, x, y)]
+        return [(panel, label, x, y)]
     named = zip(("16 %", "median", "84 %"), np.percentile(y, _BANDS, axis=0), strict=True)
     members = [(f"restart {k}", values) for k, values in enumerate(y)]
-    return [(title, f"{label}: {name}", x, values) for name, values in [*named, *members]]
+    return [(panel, f"{label}: {name}", x, values) for name, values in [*named, *members]]
 
 
 @drawn(CURVES)
@@ -289,13 +289,13 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     limits = ratio_limits([one for panel in panels for _, *three, _ in panel["curves"] for one in three])
     figure, grid = subplots(len(panels), columns, size, room=0.5, sharey=True)
     points = []
-    for axes, panel in zip(grid, panels, strict=True):
+    for axes, name, panel in zip(grid, panel_names(panels), panels, strict=True):
         _mark_one(axes, "0.93")
         for x, mean, low, high, style in panel["curves"]:
             axes.fill_between(x, low, high, color=style["color"], alpha=0.18, linewidth=0)
             axes.plot(x, mean, **style)
-            for name, y in (("mean", mean), ("low", low), ("high", high)):
-                points.append((panel.get("title", ""), f"{style['label']}, {name}", x, y))
+            for which, y in (("mean", mean), ("low", low), ("high", high)):
+                points.append((name, f"{style['label']}, {which}", x, y))
         axes.set(xscale="log", **{key: value for key, value in panel.items() if key != "curves"})
         set_plain_ticks(axes.xaxis, *axes.get_xlim())
         set_ratio_axis(axes, limits)
@@ -305,10 +305,10 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
 
 @drawn(CURVES | {"axes.grid": False})
 def image(values, *, x, y, xlabel, ylabel, unit, limits=(1, 99)):
-    """A picture of `values` (n_y, n_x) over ascending, evenly spaced `x` and `y`."""
+    """A picture of `values` (n_y, n_x) over middles of pixels `x` and `y`, ascending and evenly spaced."""
     figure, axes = plt.subplots(figsize=(_WIDTH, 3.2), dpi=90)  # a picture that is heavy when fine
     low, high = np.percentile(values, limits)
-    extent = (x[0], x[-1], y[0], y[-1])
+    extent = [end for at in (x, y) for end in (1.5 * at[0] - 0.5 * at[1], 1.5 * at[-1] - 0.5 * at[-2])]
     look = {"origin": "lower", "aspect": "auto", "extent": extent, "cmap": "cividis"}
     shown = axes.imshow(values, vmin=low, vmax=high, **look)
     axes.set(xlabel=xlabel, ylabel=ylabel)

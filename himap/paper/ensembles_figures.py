@@ -45,12 +45,13 @@ def variants_figure(variants):
 
 def _panel(quantity, variants, looks):
     """A quantity by iteration: members as a bundle, and their medians."""
-    bundles, medians = [], []
-    for rows, look in zip(variants.values(), looks, strict=True):
+    thin = {"color": looks[0]["color"], "linewidth": 1, "label": "restarts"}
+    bundles, medians = [], [([], [], thin)]  # one for the legend
+    for (name, rows), look in zip(variants.items(), looks, strict=True):
         table = curves(rows, quantity)
         x = table.columns.to_numpy()
-        label = {} if bundles else {"label": "restarts"}
-        bundles.append((x, table.to_numpy(), {"color": look["color"]} | label | _MEMBERS))
+        style = {"color": look["color"], "label": f"_{name}, restarts"} | _MEMBERS
+        bundles.append((x, table.to_numpy(), style))
         medians.append((x, table.median().to_numpy(), look))
     return {"bundles": bundles, "curves": medians, "xlabel": "iteration"} | _AXES[quantity]
 
