@@ -91,6 +91,10 @@ def test_a_number_needs_a_tolerance(entry):
         ("C: 0.9†", "C: 0.90 ± 0.10", False),
         ("C: 0.9†", "C: yes†", False),
         ("C: 0.9†", "C:", False),
+        (f"C: 0.98{SPACE}(0.97–1.04)†", "C: rubbish†", False),
+        (f"C: 0.98{SPACE}(0.97–1.04)†", f"C: 0.98{SPACE}(unknown)†", False),
+        (f"C: 0.98{SPACE}(0.97–1.04)†", f"C: 0.0{SPACE}(-0.1{SPACE}to{SPACE}0.1)†", True),
+        (f"C: 0.98{SPACE}(0.97–1.04)†", "C: –†", True),
         ("C: nan†", "C: 0.9†", False),
         ("C: nan†", "C: nan†", True),
         ("C: 0.9†\nP: 3.0 ± 0.1", "C: 1.1†\nP: 3.2 ± 0.1", False),
@@ -145,6 +149,10 @@ def test_restarts_have_a_median_and_a_band_and_are_not_compared():
     assert agree(repr(table), repr(other)) and agree(table.html(), other.html())
     assert of_restarts([(value, 0.01) for value in (0.9, 1.1, 1.0)])[0] == 1.0
     assert of_restarts([(0.9, 0.01)]) == one_run((0.9, 0.01))
+    for values in ((0.9, 1.2), (-3e8, 2.5e8), (-0.2, 0.1), (1.5e4, 9e5)):
+        band = repr(show({"C": of_restarts([(value, abs(value) / 10) for value in values])}))
+        number, text = (f"C: {other}†\n{OF_RESTARTS}" for other in ("0.9", "no"))
+        assert "(" in band and agree(band, number) and not agree(band, text)
     below = of_restarts([(-0.2, 0.1), (0.2, 0.1)])
     assert quoted(below).replace(SPACE, " ") == "0.0 (-0.1 to 0.1)"
 

@@ -36,7 +36,8 @@ _WITH_TOLERANCE = re.compile(rf"({_NUMBER}) ± ({_NUMBER})")
 _MARKED = re.compile(rf"([^ \n<>|]+){_SIGN}")
 _JOINT = "\N{NO-BREAK SPACE}"
 _ROUNDED = rf"(?:–|-?\d(?:[\d,]*\d)?(?:\.\d+)?(?:{_JOINT}×{_JOINT}10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?)"
-_FORMATTED = re.compile(rf"{_ROUNDED}(?:(?:,|{_JOINT}and|{_JOINT}of){_JOINT}{_ROUNDED})*")
+_ENDS = rf"(?:{_JOINT}\({_ROUNDED}(?:–|{_JOINT}to{_JOINT}){_ROUNDED}\))?"  # of a median
+_FORMATTED = re.compile(rf"{_ROUNDED}(?:(?:,|{_JOINT}and|{_JOINT}of){_JOINT}{_ROUNDED})*{_ENDS}")
 
 
 class Marked(tuple):
@@ -216,10 +217,10 @@ def agree(text, reference):
     Where both say ``value ± tolerance`` the values may differ by the tolerance of the reference. A tolerance
     that is a share of its value moves with it, and may itself differ by a tenth.
 
-    What `one_run` marked is compared in form only: in the same place both have numbers (one, or several as in
-    "4 and 5", "1 of 4" and "906, 1394", or a "–", which says that this run has none), or both have a text;
-    how many spaces align them is of no account. NaN and infinity are no numbers here: each agrees with itself
-    alone.
+    What `one_run` marked is compared in form only: in the same place both have numbers (one, with a band as
+    in "0.98 (0.97–1.04)" or without, several as in "4 and 5", "1 of 4" and "906, 1394", or a "–", which says
+    that this run has none), or both have a text; how many spaces align them is of no account. NaN and
+    infinity are no numbers here: each agrees with itself alone.
 
     All the rest, numbers without a tolerance included, must be equal.
     """
