@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from himap.core.errors import InputError
@@ -83,6 +84,8 @@ def test_a_reading_is_told_under_figures_unless_it_is_the_default(study):
     assert "reading = letter" in told(PCA(n_sources=2), letter)
     assert "reading = default and letter" in told(default, letter)
     assert "reading = letter" in mixing_figure(study, Degraded(), letter).get_supxlabel()
+    lines = mixing_figure(study, Degraded(), PCA(n_sources=7)).axes[0].get_lines()
+    assert len({(to_hex(line.get_color()), line.get_linestyle()) for line in lines}) == len(lines) == 7
     empty = plotting.lines([{"curves": [([0, 1], [0, 1], {})]}])
     assert "reading" not in study.stamped(empty, reading="default").get_supxlabel()
 

@@ -10,8 +10,6 @@ from himap.measures.diagnostics import Comparison
 from himap.paper import pipeline
 from himap.removal.restarts import has_restarts
 
-_LINES = ("-", "--", "-.", ":", (0, (8, 2)))
-
 
 def angular_figure(study, removers, *, titles=None, **options):
     """C_l of residuals: a panel for each beam, ratios below."""
@@ -85,10 +83,9 @@ def channel_figure(study, beam, remover, **options):
 
 def mixing_figure(study, beam, remover, **options):
     """The spectra that a method removes: columns of its mixing matrix against frequency."""
-    curves = []
-    for n, column in enumerate(study.separation(beam, remover, **options).mixing.T):
-        style = {"color": styles.COLOURS[n % 5], "linestyle": _LINES[n % 5], "label": f"component {n + 1}"}
-        curves.append((study.survey.freqs, column, style))
+    columns = study.separation(beam, remover, **options).mixing.T
+    looks = styles.sequence([f"component {n + 1}" for n in range(len(columns))])
+    curves = [(study.survey.freqs, one, look) for one, look in zip(columns, looks, strict=True)]
     panel = {"curves": curves, "xlabel": styles.CHANNELS, "ylabel": "mixing coefficient"}
     return _of_method(study, plotting.lines([panel], columns=1, size=(6.4, 4)), beam, remover)
 
