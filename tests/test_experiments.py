@@ -218,6 +218,15 @@ class TestTransfer:
         assert uncorrected.get_ydata().tolist() == [0.9] and uncorrected.get_fillstyle() == "none"
         assert corrected.get_ydata() == pytest.approx([1.03]) and corrected.get_label() == "PCA 5"
 
+    def test_axes_hold_all_that_is_corrected(self, table):
+        """And 20 % in any case; what is not corrected, or to no number, moves none of them."""
+        angular, frequency = transfer_figure({"": table}).axes
+        assert angular.get_ylim() == (0.8, 1.2)
+        low, high = frequency.get_ylim()
+        assert low == 0.8 and 1.5 < high < 1.6
+        endless = transfer_figure({"": table.assign(corrected=[0.6, np.nan, np.inf])}).axes
+        assert 0.5 < endless[0].get_ylim()[0] < 0.6 and endless[1].get_ylim() == (0.8, 1.2)
+
     def test_a_method_without_a_number_of_sources_goes_by_its_name(self, table):
         own = table.assign(method="gnilc", n_sources=0)
         assert set(transfer.EXPERIMENT.summary(own)["method"]) == {"GNILC"}

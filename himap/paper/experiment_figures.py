@@ -16,6 +16,7 @@ _THIN = {"linewidth": 0.8}
 _PANELS = {"C/C0": "angular", "P/P0": "frequency"}
 _BAND_GAP = 0.15  # of the distance of two bands: between the points of two methods
 _CLOSE = 0.01
+_REACH, _ROOM = 0.2, 0.02  # of an axis of power over that of the truth: least about 1, and beyond points
 _RANGE = (16, 84)  # percentiles over skies: what is shaded
 _WIDTH = 9.3  # inches, of all columns
 
@@ -23,6 +24,7 @@ _WIDTH = 9.3  # inches, of all columns
 def transfer_figure(tables):
     """Means over skies in each band, uncorrected and corrected by transfer functions.
 
+    Axes hold 1 by `_REACH` on either side and all that is corrected; uncorrected means may lie beyond.
     `tables` is {title: table of `himap.paper.experiments.transfer`}; each has a panel for C_l and one for
     P(k).
     """
@@ -45,7 +47,7 @@ def _transfer_panel(table):
     ends = [-0.5, len(bands) - 0.5]
     curves = [(ends, [at, at], {"color": "0.75"} | _THIN) for at in (1 - _CLOSE, 1 + _CLOSE)]
     curves.append((ends, [1, 1], {"color": "black"} | _THIN))
-    points = []
+    points, reached = [], [1 - _REACH, 1 + _REACH]
     for n, (((name, n_sources), rows), marker) in enumerate(zip(methods, cycle("osD^v"), strict=False)):
         at = np.arange(len(bands)) + (n - (len(methods) - 1) / 2) * _BAND_GAP
         by_band = rows.groupby("band")
@@ -55,15 +57,17 @@ def _transfer_panel(table):
         look, label = {"color": colour, "marker": marker}, styles.numbered(name, n_sources)
         hollow = look | {"fillstyle": "none", "label": f"_{label}, uncorrected"}
         points += [(at, before.to_numpy(), hollow), (at, after.to_numpy(), look | {"label": label})]
+        reached += [*(after - error - _ROOM), *(after + error + _ROOM)]
         bar = {"color": colour, "label": f"_{label}, standard error"}
         curves += [
             ([x, x], list(pair), bar) for x, *pair in zip(at, after - error, after + error, strict=True)
         ]
+    reached = np.array(reached)[np.isfinite(reached)]
     return {
         "curves": curves,
         "points": points,
         "xlim": ends,
-        "ylim": (0.8, 1.2),
+        "ylim": (reached.min(), reached.max()),
         "xticks": range(len(bands)),
         "xticklabels": [band.partition(", ")[2].removeprefix("k ") for band in bands],
         "legend": {"ncols": 2},
