@@ -5,11 +5,13 @@ import json
 import re
 import shutil
 from html import unescape
+from pathlib import Path
 
 import nbformat
 import pytest
 from conftest import ROOT
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 
 from himap.app.notebooks import notebooks
 from himap.app.stored import LEDGER, read_ledger
@@ -103,10 +105,26 @@ def test_stale_results_are_named_with_their_commit(tmp_path, monkeypatch, old):
 
     chapter_heads._all_stale.cache_clear()
     monkeypatch.setattr(chapter_heads, "stale_results", lambda *folders: old)
-    page, errors = small_page(tmp_path, "{stale}`claims_* methods_*`")
+    page, errors = small_page(tmp_path, "{stale}`claims_*`")
     commit = json.loads(LEDGER.read_text())["about"]["commit"]
     stale = f"Stale, measured with code that has changed since: claims_laptop (commit {commit})."
     assert (stale in page) == bool(old) and ("No stored result" in page) != bool(old) and not errors
+
+
+@pytest.mark.parametrize("role", ["{stale}`claims_* methods_*`", "{cost}`01_a`"])
+def test_a_name_of_no_stored_result_is_an_error_and_a_page_depends_on_others(tmp_path, monkeypatch, role):
+    import chapter_heads
+
+    noted = []
+    monkeypatch.setattr(chapter_heads, "_all_stale", lambda results: {})
+    monkeypatch.setattr(BuildEnvironment, "note_dependency", lambda self, path: noted.append(Path(path).name))
+    reads = [f"book/results/{name}.json" for name in ("claims_*", "methods_*")]
+    node = nbformat.v4.new_notebook(metadata={"himap": {"reads": reads}})
+    (tmp_path / "source" / "notebooks").mkdir(parents=True)
+    nbformat.write(node, tmp_path / "source" / "notebooks" / "01_a.ipynb")
+    page, (said,) = small_page(tmp_path, role)
+    assert "no stored result fits 'methods_*.json'" in said and "No stored result" not in page
+    assert LEDGER.name in noted
 
 
 @pytest.mark.parametrize("name, n_stale", [("14_diagnostics", 1), ("17_your_own_cube", 0)])

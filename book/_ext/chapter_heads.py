@@ -3,11 +3,11 @@
 ``{claim}`D1``` is a claim of the paper with the verdict of the stored ledger, and leads to its row there.
 ``{cost}`04_pca``` is what a chapter took when it was last executed, at the size of the book and, where its
 figures are stored, at the paper's, the memory that himap asks for, and which stored results that it reads
-are stale. ``{stale}`claims_laptop methods_*``` states the last of results by name. In Jupyter all read as
-their names.
+are stale. ``{stale}`claims_laptop methods_*``` states the last of results by name. A pattern without a stored
+result is an error. In Jupyter all read as their names.
 """
 
-from fnmatch import fnmatch
+import fnmatch
 from functools import cache
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from himap.paper.ledger_table import BADGES
 from himap.store.provenance import duration
 
 LEDGER = "notebooks/15_claims"
-VERDICTS = "claims_laptop"  # the stored ledger
+VERDICTS = "claims_laptop.json"  # the stored ledger
 LARGE = "paper"  # the preset of the figures that are stored
 
 
@@ -32,7 +32,7 @@ class Claim(SphinxRole):
     """The role of one claim, by its id; its name alone where no ledger has it."""
 
     def run(self):
-        path = Path(self.env.srcdir, "book", "results", f"{VERDICTS}.json")
+        path = Path(self.env.srcdir, "book", "results", VERDICTS)
         self.env.note_dependency(str(path))
         entries = _verdicts(path) if path.exists() else {}
         if self.text not in entries and (self.text in CLAIMS or not path.exists()):
@@ -68,34 +68,41 @@ class Cost(SphinxRole):
         results = Path(self.env.srcdir, "book", "results")
         patterns = read_notebook(path).metadata.get("himap", {}).get("reads", [])
         files = [pattern.removeprefix("book/results/") for pattern in patterns]
-        if any(claim.notebook == self.text for claim in CLAIMS.values()):
-            files.append(f"{VERDICTS}.json")  # the head has them
-        states = _commits(results, files)
+        if any(claim.notebook == self.text for claim in CLAIMS.values()) and (results / VERDICTS).exists():
+            files.append(VERDICTS)  # the head has its verdicts
+        states, messages = _states(self, files)
         n_stale = sum(map(bool, states.values()))
         said = f"; stale stored results: {n_stale} of {len(states)} (page on status)" if n_stale else ""
-        return [nodes.Text(cost(path, results) + said)], []
+        return [nodes.Text(cost(path, results) + said)], messages
 
 
 class Stale(SphinxRole):
     """The role of stored results, by patterns of their names: which of them are stale, in a sentence."""
 
     def run(self):
-        states = _commits(
-            Path(self.env.srcdir, "book", "results"), [f"{name}.json" for name in self.text.split()]
-        )
+        states, messages = _states(self, [f"{name}.json" for name in self.text.split()])
         old = [f"{name} (commit {commits})" for name, commits in states.items() if commits]
         said = f"Stale, measured with code that has changed since: {', '.join(old)}."
-        return [nodes.Text(said if old else "No stored result behind these numbers is stale.")], []
+        said = said if old else "No stored result behind these numbers is stale."
+        return [] if messages else [nodes.Text(said)], messages
 
 
-def _commits(results, patterns):
-    """{name: the commits that made it if stale, else ""} of stored results whose files fit a pattern."""
-    known = {one.name: one for one in _stored(results)} if patterns else {}
-    files = {name: one.path.relative_to(results).as_posix() for name, one in known.items()}
-    fitting = [name for name in known if any(fnmatch(files[name], pattern) for pattern in patterns)]
-    old = _all_stale(results) if fitting else {}
-    commits = {name: ", ".join(sorted(commit for commit, _ in known[name].commits)) for name in fitting}
-    return {name: commits[name] if name in old else "" for name in fitting}
+def _states(role, patterns):
+    """Of stored results whose files fit a pattern {name: its commits if stale, else ""}; and errors.
+
+    The page of the role depends on them; a pattern that none fits is an error.
+    """
+    results = Path(role.env.srcdir, "book", "results")
+    known = {one.path.relative_to(results).as_posix(): one for one in _stored(results)} if patterns else {}
+    fitting = {pattern: fnmatch.filter(known, pattern) for pattern in patterns}
+    files = [file for file in known if any(file in some for some in fitting.values())]
+    old, states = _all_stale(results) if files else {}, {}
+    for file in files:
+        role.env.note_dependency(str(results / file))
+        commits = ", ".join(sorted(commit for commit, _ in known[file].commits))
+        states[known[file].name] = commits if known[file].name in old else ""
+    report, missing = role.inliner.reporter.error, [one for one, some in fitting.items() if not some]
+    return states, [report(f"no stored result fits {one!r}", line=role.lineno) for one in missing]
 
 
 _stored = cache(stored_results)
