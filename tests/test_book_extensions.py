@@ -10,7 +10,7 @@ import pytest
 import yaml
 from conftest import ROOT, render_book
 
-from himap.app.notebook_files import figures
+from himap.app.notebook_files import Figure, figures
 
 ADDRESS = "https://github.com/somebody/himap"
 
@@ -90,7 +90,7 @@ def curves_to_play(curves):
     from play_data import view
     from play_looks import methods
 
-    points = [(label, dict(enumerate(ys, start=1))) for label, ys in curves.items()]
+    points = [(label, list(enumerate(ys, start=1))) for label, ys in curves.items()]
     (panel,) = view("here", {"panel": points}, methods, lambda title: "angular")["panels"]
     return {one["label"]: one for one in panel["curves"]}
 
@@ -128,6 +128,20 @@ def test_an_ensemble_is_one_curve_with_a_spread():
         assert np.array(one[f"{name}_spread".strip("_")]) == pytest.approx(
             np.vstack([low, high, several]), rel=1e-4
         )
+
+
+def test_several_points_at_one_x_are_all_kept():
+    """As of restarts with their minimum at the same number of sources."""
+    from play_data import of_notebook, of_stored, view
+    from play_looks import apart
+
+    csv = b"panel,curve,x,y\np,all,1,7\np,all,2,8\np,all,3,9\np,least,2,5\np,least,2,6\n"
+    groups = [{"x": [1, 2, 3], "y": {"all": [7, 8, 9]}}, {"x": [2, 2], "y": {"least": [5, 6]}}]
+    figure = Figure(name="f", caption="", notebook="n", png=b"", data={"csv": csv})
+    for panels in (of_notebook(figure), of_stored({"panels": {"p": groups}})):
+        (panel,) = view("here", panels, apart)["panels"]
+        assert panel["x"] == [1, 2, 2, 3]
+        assert [one["y"] for one in panel["curves"]] == [[7, 8, 8, 9], [None, 5, 6, None]]
 
 
 def test_curves_of_each_figure_to_play_with_look_different():

@@ -148,7 +148,7 @@ def _of_readings(path):
                 title = f"seed {seed}, {across}"
                 curves = of_seed[of_seed["quantity"] == curve].groupby("label", sort=False)
                 panels[title] = [
-                    (titles[label], dict(zip(one["x"], one["value"], strict=True))) for label, one in curves
+                    (titles[label], list(zip(one["x"], one["value"], strict=True))) for label, one in curves
                 ]
                 labels = styles.AXES[kind]
                 axes[title] = {

@@ -2,13 +2,15 @@
 is stored of the paper's size. Nothing is measured here.
 
 A figure has views (size and Galaxy, or noise level), a view has panels (beam, or direction), a panel has
-curves: {"label", "color", "dash", "width", "y"} over one "x", with `None` where a curve has no point. An
+curves: {"label", "color", "dash", "width", "y"} over one "x", with `None` where a curve has no point. Where a
+curve has several points at one x, this x is as often in "x", and others repeat their last point there. An
 ensemble is one curve, its median, with a "spread": the ends of its band, and its members. "ratio" and
 "ratio_spread" are the same over the truth.
 """
 
 import math
 import re
+from collections import Counter
 
 import numpy as np
 from matplotlib.colors import to_hex
@@ -44,18 +46,15 @@ def plain(text):
 
 
 def of_notebook(figure):
-    """{panel: [(label, {x: y})]} of a `Figure`."""
-    return {
-        panel: [(label, dict(points)) for label, points in curves.items()]
-        for panel, curves in figure.curves.items()
-    }
+    """{panel: [(label, [(x, y)])]} of a `Figure`."""
+    return {panel: list(curves.items()) for panel, curves in figure.curves.items()}
 
 
 def of_stored(row):
     """The same of a figure that is stored."""
     return {
         panel: [
-            (label, dict(zip(group["x"], ys, strict=True)))
+            (label, list(zip(group["x"], ys, strict=True)))
             for group in groups
             for label, ys in group["y"].items()
         ]
@@ -86,7 +85,7 @@ def view(label, panels, looks, kind=None):
     label
         What it is called.
     panels
-        {title: [(label, {x: y})]}.
+        {title: [(label, [(x, y)])]}.
     looks
         Function from the labels of a panel to {label: style}, styles as `himap.figures.styles` has them.
     kind
@@ -99,11 +98,12 @@ def view(label, panels, looks, kind=None):
 
 
 def _panel(title, curves, looks, kind):
-    several, shown = {}, []
+    several, shown, times = {}, [], Counter()
     for label, points in curves:
         name, is_truth, part = _parts(label)
         several.setdefault(name, {})[is_truth, part] = points
-    xs = sorted({x for _, points in curves for x in points if x > 0})
+        times |= Counter(x for x, _ in points if x > 0)
+    xs = sorted(times.elements())
     styled = looks(list(several))
     for name, parts in several.items():
         one = {"label": plain(name), **_look(styled[name])}
@@ -123,7 +123,7 @@ def _parts(label):
 def _values(parts, xs, truth=None):
     """A curve or the median of an ensemble at some x, and the spread [low, high, *members], or none.
 
-    Of {(is_truth, part): {x: y}}. Where `truth` is given, each over the truth that it brings, or over that.
+    Of {(is_truth, part): [(x, y)]}. Where `truth` is given, each over the truth that it brings, or over that.
     """
     found = {}
     for (is_truth, part), points in parts.items():
@@ -140,7 +140,13 @@ def _values(parts, xs, truth=None):
 
 
 def _at(points, xs):
-    return np.array([points.get(x, math.nan) for x in xs])
+    """Values at ascending `xs`: of one that is there more than once, those of its points in turn."""
+    found = {}
+    for x, y in points:
+        found.setdefault(x, []).append(y)
+    turns = np.arange(len(xs)) - np.searchsorted(xs, xs)
+    several = (found.get(x, [math.nan]) for x in xs)
+    return np.array([ys[min(turn, len(ys) - 1)] for turn, ys in zip(turns, several, strict=True)])
 
 
 def _number(value):
