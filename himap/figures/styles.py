@@ -1,7 +1,8 @@
 """Colours, lines and axis labels: the same for the same thing throughout figures, reports and notebooks.
 
-Colours are those of Okabe and Ito, which stay apart for colour-blind readers, and an indigo darker than them
-all for the method that is not the paper's; lines differ in style too, so they stay apart in grey.
+Colours are those of Okabe and Ito, which stay apart for colour-blind readers, and an indigo, a wine red, an
+olive and a grey for the methods that are not the paper's; lines differ in style too, so they stay apart in
+grey.
 """
 
 import matplotlib
