@@ -45,16 +45,18 @@ def panel_names(panels):
     """What the panels of a figure are called in its file, so that each can be told from the others.
 
     That is the title; where it is empty or that of another panel too, with the labels of the axes and at last
-    with a number. `panels` are dicts, as of `himap.figures.plotting.lines`.
+    with a number. `panels` are dicts, as of `himap.figures.plotting.lines`, whose values have a text.
 
-    >>> panel_names([{"title": "a", "ylabel": "C"}, {"title": "a", "ylabel": "P"}, {"title": "b"}, {}])
-    ['a, C', 'a, P', 'b', 'panel 4']
+    >>> panel_names([{"title": "a", "ylabel": "C"}, {"title": "a", "ylabel": "P"}, {"title": 7}, {}])
+    ['a, C', 'a, P', '7', 'panel 4']
     """
     names = [""] * len(panels)
-    parts = [panel | {"number": f"panel {n}"} for n, panel in enumerate(panels, start=1)]
     for key in ("title", "ylabel", "xlabel", "number"):
+        parts = [str(panel.get(key, "")) for panel in panels]
+        if key == "number":
+            parts = [f"panel {n}" for n, _ in enumerate(panels, start=1)]
         names = [
-            name if name and names.count(name) == 1 else ", ".join(filter(None, (name, part.get(key))))
+            name if name and names.count(name) == 1 else ", ".join(filter(None, (name, part)))
             for name, part in zip(names, parts, strict=True)
         ]
     return names
