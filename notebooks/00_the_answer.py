@@ -31,7 +31,7 @@
 # matrix (sine of the largest angle, in the median above $0.1$), in the public code as here, and these runs do
 # not reach the paper's stopping rule ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at
 # $10 < \ell < 200$ exceeds 10 %, and may then be off by orders of magnitude: through the oscillating beam
-# {glue:text}`15_claims.ipynb::claims_failing:s` do. Others differ by some per cent in that range and by more
+# {glue:text}`15_claims.ipynb::claims_failing:s` members fail. Others differ by some per cent in that range and by more
 # elsewhere. **What holds all the same**: fits along each line of sight fail where the
 # beam oscillates with frequency, and with the paper's numbers of components SDecGMCA is, where a run does not
 # fail, the most accurate of the paper's six methods through the oscillating beam, and has the smallest error
