@@ -264,7 +264,7 @@ for remover in component:
             "lowest r": (r.min(), 0.02),
             "at [MHz]": (freqs[r.argmin()], study.survey.channel_width),
             "mean q": (q.mean(), 0.003),
-            "correlation of q, h": (np.corrcoef(q, h)[0, 1], 0.05),
+            "r of q, h": (np.corrcoef(q, h)[0, 1], 0.05),
             "mean f": (f.mean(), max(0.05 * f.mean(), 0.002)),
         }
         for r, q, h, f in zip(*quantities, strict=True)
@@ -294,7 +294,7 @@ quote(
     diagnostics_q_least=(100 * n_sources / len(freqs), 0.1, "%"),
     diagnostics_q_sd_most=of_restarts([(100 * q.max(), 5, "%") for q in of_sd]),
     diagnostics_q_sd_at=places(of_sd.argmax(axis=1)),
-    diagnostics_q_and_h=rows["SDecGMCA"]["correlation of q, h"],
+    diagnostics_q_and_h=rows["SDecGMCA"]["r of q, h"],
 )
 
 # %% [markdown]
@@ -400,7 +400,7 @@ for remover in removers[selected]:
             "channels highest": (100 * best.mean(), 5, "%"),
             "variance of R_l": (variance, 0.1 * variance),
             "l smallest": (100 * least.mean(), 5, "%"),
-            "in two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
+            "two channels": (100 * np.mean(squares[-2:].sum(axis=0) / squares.sum(axis=0)), 5, "%"),
             "mean R_l": (fractional.mean(), max(0.1 * abs(fractional.mean()), 0.005)),
             "converged": "yes" if assessed.converged else "no",
         }
@@ -414,7 +414,7 @@ sd = rows["SDecGMCA"]
 of_sd = [squares_of("sdecgmca", n)[1].sum(axis=1) for n in range(len(assessments["sdecgmca"]))]
 nearest = min(row["variance of R_l"][0] for label, row in rows.items() if label != "SDecGMCA")
 times_smaller = [nearest / np.exp(np.log(values).mean()) for values in on_claimed["sdecgmca"]]
-in_two = [row["in two channels"][0] for row in rows.values()]
+in_two = [row["two channels"][0] for row in rows.values()]
 quote(
     diagnostics_r_sd=sd["mean r"],
     diagnostics_r_pca=rows["PCA"]["mean r"],
