@@ -341,7 +341,7 @@ quote(
 #   runs of the default reading can fail as well ({doc}`27_restarts`).
 # - **After correction SmoothSpectra is the nearest** where the beam is known
 #   ({glue:text}`side_harmless_corrected`), but its error bars are too small at this size
-#   ({doc}`20_transfer_function`). BeamSubspace loses less signal and needs less correction.
+#   ({doc}`20_transfer_function`).
 # - **Resolution**: at `laptop` PCA needs more components; with the six of the table it is off by
 #   {glue:text}`side_larger_unknown` after correction.
 # - **The beam**: if its width is wrong by 1 %, BeamSubspace has a foreground residual of

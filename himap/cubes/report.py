@@ -245,9 +245,11 @@ def maps_figure(cleaned):
     cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
     n_seen = len(cube.freqs) if cube.missing is None else np.count_nonzero(~cube.missing, axis=0)
     seen = {
-        f"residual at {cube.freqs[middle]:g} MHz": cleaned.residual_with_nan[middle],
+        f"residual at {cube.freqs[middle]:g} MHz": cleaned.residual[middle].copy(),
         "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / n_seen),
     }
+    if cube.missing is not None:
+        next(iter(seen.values()))[cube.missing[middle]] = np.nan
     maps = {title: np.full(len(cube.mask), np.nan) for title in seen}
     for title, values in seen.items():
         maps[title][cube.mask] = values

@@ -156,17 +156,14 @@ def _summary(rows):
 
 def too_coarse(survey):
     """The ids of claims that maps or HI cells of a `Survey` are too coarse to judge, a tuple."""
-    cell, finest = (one.box_size / one.box_cells for one in (survey, PRESETS["laptop"]))
-    return (_UP_TO_TOP if 2 * survey.nside < _PAPER_TOP else ()) + (_ON_PEAKS if cell > finest else ())
+    cell, widest = (one.box_size / one.box_cells for one in (survey, PRESETS["laptop"]))
+    return (_UP_TO_TOP if 2 * survey.nside < _PAPER_TOP else ()) + (_ON_PEAKS if cell > widest else ())
 
 
 def _remark(sky):
     """What brackets are, and which claims a sky is too coarse to judge."""
-    survey, said = (
-        sky.survey,
-        "In brackets: the 1σ interval of a share, the 16 to 84 % of the members of a number.",
-    )
-    coarse, why = too_coarse(survey), []
+    said = "In brackets: the 1σ interval of a share, the 16 to 84 % of the members of a number."
+    survey, coarse, why = sky.survey, too_coarse(sky.survey), []
     if _UP_TO_TOP[0] in coarse:
         top = 2 * survey.nside
         why.append(f"{', '.join(_UP_TO_TOP)}, as these maps end at l = {top} and not at {_PAPER_TOP}")
