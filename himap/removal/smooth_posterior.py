@@ -23,7 +23,6 @@ from himap.removal.spectral_filter import RANK, SpectralFilter, filtered
 N_SMOOTH = 6
 """Smooth functions of frequency: they hold any power law to the last digit of float32."""
 
-_BRIGHT = 100  # times HI and noise: more than the errors beyond 2 nside
 _REACH = 2  # bands on either side that the faint spectra of a band are estimated from too
 
 
@@ -63,7 +62,8 @@ class SmoothForeground:
     n_modes
         Of each band.
     n_exact
-        How many of the bands end before 2 nside. Beyond, HEALPix holds what is bright with errors like HI.
+        How many of the bands end before 2 nside. Beyond, HEALPix holds what is bright with errors that can
+        be more than HI, and smooth in frequency: there the foreground has the spectra of the last of these.
     """
 
     faint: np.ndarray
@@ -88,8 +88,8 @@ class SmoothForeground:
             root *= np.sign(np.diag(root))
             drawn = np.atleast_2d(wishart(n, one / n).rvs(random_state=rng))
             totals.append(root @ drawn @ root.T)
-        mean = replace(self, axes=_axes(totals, self.n_modes, self.n_exact)).mean(data)
-        return _with_scatter(mean, rng)
+        axes = _axes(self.roots, totals, self.n_modes, self.n_exact)
+        return _with_scatter(replace(self, axes=axes).mean(data), rng)
 
     def mean(self, data):
         """The mean of the foreground given the data, and the filter that makes it, a `FilteredSeparation`."""
@@ -137,7 +137,7 @@ def foreground_given(data, products):
         ) from None
     roots, totals, n_modes = zip(*bands, strict=True)
     n_exact = max(1, sum(last <= 2 * sphere.nside_of(data.maps) for _, last in edges))
-    axes = _axes(totals, n_modes, n_exact)
+    axes = _axes(roots, totals, n_modes, n_exact)
     return SmoothForeground(faint=faint, roots=np.array(roots), axes=axes, n_modes=n_modes, n_exact=n_exact)
 
 
@@ -171,22 +171,22 @@ def _amplitudes(modes, band, seen, faint, product):
     return root, np.linalg.solve(root, np.linalg.solve(root, total / n_modes).T), n_modes
 
 
-def _axes(totals, n_modes, n_exact):
+def _axes(roots, totals, n_modes, n_exact):
     """Axes of the foreground in amplitudes of which HI and noise have the covariance 1, of each band, a list.
 
-    Of the covariances of all, (n_smooth, n_smooth) each. Axes that are bright in a band are its own. Beyond
-    these its foreground is the mean of the bands around it, weighted with their modes but none with more than
-    its own, so that what is fainter at higher l hardly counts. Bands after the first `n_exact` have what is
-    faint in the last of these.
+    Of R of the bands, and the covariances of all, (n_smooth, n_smooth) each. Axes that are bright in a band
+    are its own. Beyond these its foreground is the mean of the bands around it, weighted with their modes but
+    none with more than its own, so that what is fainter at higher l hardly counts. After the first `n_exact`
+    the covariance of amplitudes is that of the last of these times a factor, by least squares, but at most 1,
+    as no foreground gets brighter with l.
     """
     own, rest, excess, several = [], [], [], []
-    for place, (total, n) in enumerate(zip(totals, n_modes, strict=True)):
+    for total, n in zip(totals[:n_exact], n_modes, strict=False):
         values, axes = np.linalg.eigh(total)
         variances = signal_variance(values, len(values) / n)
-        bright = variances > (0 if place < n_exact else _BRIGHT)
-        own.append(axes[:, bright] * np.sqrt(variances[bright]))
-        rest.append(axes[:, ~bright])
-        excess.append(rest[-1] @ (np.diag(values[~bright] - 1) @ rest[-1].T))
+        own.append(axes[:, variances > 0] * np.sqrt(variances[variances > 0]))
+        rest.append(axes[:, variances == 0])
+        excess.append(rest[-1] @ (np.diag(values[variances == 0] - 1) @ rest[-1].T))
     for place in range(n_exact):
         around = slice(max(0, place - _REACH), min(place + _REACH + 1, n_exact))
         modes = np.array(n_modes[around], dtype=float)
@@ -195,9 +195,11 @@ def _axes(totals, n_modes, n_exact):
         values, axes = np.linalg.eigh(rest[place].T @ np.tensordot(weights, excess[around], 1) @ rest[place])
         variances = signal_variance(1 + values, len(values) * np.sum(weights**2 / modes))
         several.append(np.hstack([own[place], rest[place] @ axes * np.sqrt(variances)]))
-    dim = several[-1][:, np.sum(several[-1] ** 2, axis=0) < _BRIGHT]
-    beyond = zip(own[n_exact:], rest[n_exact:], strict=True)
-    several += [np.hstack([bright, axes @ (axes.T @ dim)]) for bright, axes in beyond]
+    last = roots[n_exact - 1] @ several[-1]
+    for root, total in zip(roots[n_exact:], totals[n_exact:], strict=True):
+        beyond = root @ (total - np.eye(len(total))) @ root.T
+        share = np.sum(last * (beyond @ last)) / np.sum((last.T @ last) ** 2) if last.any() else 0
+        several.append(np.linalg.solve(root, last) * np.sqrt(np.clip(share, 0, 1)))
     n_axes = max(one.shape[1] for one in several)
     return [np.pad(one, ((0, 0), (0, n_axes - one.shape[1]))) for one in several]
 
