@@ -49,9 +49,10 @@
 # estimated from several. Each member has its own $\hat f$: first a covariance is drawn, as it would be
 # estimated from other skies like this one, then a foreground from its posterior given the data
 # ({cite:t}`wandelt2004`). The mean of this posterior, a Wiener filter, has less power than the foreground,
-# above all where the foreground is no brighter than HI. $b$ has the foreground residual, its cross power with
-# the residual of the mock and, unless the loss is that of a fixed projection, a negative part without any
-# foreground.
+# above all where the foreground is no brighter than HI. Beyond $\ell = 2 n_\mathrm{side}$, where errors of
+# HEALPix can be brighter than HI, it has the spectra of the last band below. $b$ has the foreground residual,
+# its cross power with the residual of the mock and, unless the loss is that of a fixed projection, a negative
+# part without any foreground.
 # `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam`, for methods that
 # need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and its foreground
 # residual remains unknown. A check that needs no $\hat f$ is always made: the corrected power is compared
@@ -364,7 +365,10 @@ summarised(records)
 # (transfer-larger)=
 # ## At higher resolution
 #
-# The same at `quick` and, of fewer skies, at `laptop`.
+# The same at `quick` and, of fewer skies, at `laptop`. Records that are named as stale at the head of this
+# chapter were measured while errors of HEALPix beyond $\ell = 2 n_\mathrm{side}$ were still drawn as
+# foreground. On skies that were measured with both, that makes the corrected $P$ of BeamSubspace with three
+# sources too low at the lowest $k_\nu$, most at `laptop`, and hardly moves the rest.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "quick", "laptop")
@@ -467,7 +471,7 @@ show_table(rows, columns=4)
 #   sources loses more HI at the lowest $k_\nu$ than the mocks say, most on the real Galaxy. The estimated
 #   foreground has the right power there but is a Gaussian field, and that of the Galaxy is not. With three
 #   sources the corrected power at the lowest $k_\nu$ is too low as well at `laptop`, with both Galaxies, by
-#   more than an error bar.
+#   more than an error bar, in part because of those errors of HEALPix.
 # - **The error bars of GMCA are too large**, as are those of PCA at `laptop` and of BeamSubspace at `ci` with the
 #   real Galaxy. The residual of GMCA has much more foreground than HI at low $\ell$, so that they are mostly
 #   errors of the estimated foreground.
