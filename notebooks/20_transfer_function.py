@@ -367,8 +367,8 @@ summarised(records)
 #
 # The same at `quick` and, of fewer skies, at `laptop`. Records that are named as stale at the head of this
 # chapter were measured while errors of HEALPix beyond $\ell = 2 n_\mathrm{side}$ were still drawn as
-# foreground. On skies that were measured with both, that makes the corrected $P$ of BeamSubspace with three
-# sources too low at the lowest $k_\nu$, most at `laptop`, and hardly moves the rest.
+# foreground. On skies that were measured with both, that makes the corrected $P$ of BeamSubspace too low, at
+# the lowest $k_\nu$ by up to about an error bar, and hardly moves those of other methods.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "quick", "laptop")
