@@ -129,8 +129,8 @@ def test_draws_scatter_as_estimates_do(products):
     assert 0.5 < np.sqrt(np.mean(np.square(scatter))) / np.std(errors) < 3
 
 
-def in_bands(variances, lmax, rng):
-    """Data of white noise and of one faint smooth spectrum, with its `variances` by l, and their modes."""
+def known_in_bands(variances, lmax, rng, products=None):
+    """`SmoothForeground` of white noise and one faint smooth spectrum, with its `variances` by l."""
     basis = smooth_basis(FREQS, 6)
     scale = np.repeat(np.sqrt(variances), 2 * np.arange(lmax + 1) + 1)
     modes = rng.standard_normal((len(basis), len(scale))) + basis[:, :1] * scale * rng.standard_normal(
@@ -140,8 +140,13 @@ def in_bands(variances, lmax, rng):
     data = Data.of(maps, freqs=FREQS, beams=np.ones((len(basis), lmax + 1)))
     empty = np.zeros((len(basis), 0)), np.zeros((0, len(scale)))
     data.known["modes"] = CubeModes(spectra=empty[0], bright=empty[1], rest=modes.astype(np.float32))
-    products = np.array([np.eye(len(basis))] * len(multipole_bands(lmax)))
-    return np.array([np.sum(axes**2) for axes in foreground_given(data, products).axes])
+    white = [np.eye(len(basis))] * len(multipole_bands(lmax))
+    return foreground_given(data, np.array(white if products is None else products))
+
+
+def in_bands(variances, lmax, rng):
+    """The variance of its foreground over that of the noise, (n_bands,)."""
+    return np.array([np.sum(axes**2) for axes in known_in_bands(variances, lmax, rng).axes])
 
 
 def test_what_is_faint_in_every_band_is_seen_in_several(rng):
@@ -157,6 +162,24 @@ def test_errors_beyond_2_nside_are_no_foreground(rng, errors, faint):
     """However much brighter than the noise there; what is faint in the last band before holds."""
     found = in_bands(np.where(np.arange(96) > 64, errors, faint), 95, rng)
     assert found[-1] < 0.5
+
+
+def test_beyond_2_nside_the_foreground_gets_fainter_as_in_the_data(rng):
+    """But not brighter."""
+    beyond = sum(first <= 64 for first, _ in multipole_bands(95))
+    falling, rising = (in_bands(np.where(np.arange(96) > 64, one, 1000), 95, rng) for one in (50, 5000))
+    assert falling[beyond:] == pytest.approx(50, rel=0.2)
+    assert rising[beyond:] == pytest.approx(1000, rel=0.2)
+
+
+def test_beyond_2_nside_the_spectra_of_the_foreground_are_those_below(rng):
+    """Also where HI and noise have another covariance."""
+    products = [np.diag(np.linspace(1, 1 + n, len(FREQS))) for n in range(len(multipole_bands(95)))]
+    known = known_in_bands(np.full(96, 100), 95, rng, products)
+    *_, last = (root @ axes @ axes.T @ root.T for root, axes in zip(known.roots, known.axes, strict=True))
+    before = known.roots[known.n_exact - 1] @ known.axes[known.n_exact - 1]
+    before = before @ before.T
+    assert last / np.trace(last) == pytest.approx(before / np.trace(before), abs=1e-6)
 
 
 @pytest.mark.parametrize("brightness", [1e-9, 1e9])

@@ -181,7 +181,7 @@ def _axes(roots, totals, n_modes, n_exact):
     as no foreground gets brighter with l.
     """
     own, rest, excess, several = [], [], [], []
-    for total, n in zip(totals[:n_exact], n_modes, strict=False):
+    for total, n in zip(totals[:n_exact], n_modes[:n_exact], strict=True):
         values, axes = np.linalg.eigh(total)
         variances = signal_variance(values, len(values) / n)
         own.append(axes[:, variances > 0] * np.sqrt(variances[variances > 0]))
