@@ -2,6 +2,7 @@
 
 import operator
 import os
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,9 +21,6 @@ from himap.maps.frames import frame_of, is_nested
 from himap.maps.healpix_io import temperature_unit
 from himap.maps.sphere import sphere_sizes
 
-_HELD = 4  # cubes in float32 that cleaning holds at once besides that in the file; measured with 0.1 GB
-_HELD_TRUTH = 2  # more of them for a truth
-_HELD_WEIGHTS = 3  # more of them for weights
 _UNIT_IS = "as BUNIT in a header, TUNIT of each column of a table, or the attribute unit of a dataset"
 
 
@@ -87,16 +85,14 @@ def read_cube(
     weighed, voxels = weights is not None or flags is not None, None
     names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}
     with reading(path):
-        maps, layout = read_file(path, **names, axes=axes, held=_HELD + _HELD_WEIGHTS * weighed)
+        maps, layout = read_file(path, **names, axes=axes)
         layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order, frame=frame)
         if not layout.pixels.whole_sky and axes is None:
             layout = layout.noted(*remark_on_axes(maps, layout.pixels))
-        if weighed:
+        if weighed or (scattered and are_scattered(np.array([*map(is_seen, maps)]))):
+            check_cube_room(path, maps.size, 0, weighed=True)
             options = {"weights": weights, "flags": flags, "rotate": rotate}
             voxels, layout = voxel_weights(maps.shape, layout, **options)
-        elif scattered and are_scattered(np.array([*map(is_seen, maps)])):
-            check_cube_room(path, maps.size, 0, _HELD + _HELD_WEIGHTS)
-            voxels = np.ones(maps.shape)
         return make_cube(maps, layout, weights=voxels)
 
 
@@ -107,17 +103,13 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
     in another frame than that are rotated, if they may be (`rotate`).
     """
     with reading(path):
-        names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
-        first, found = {}, None
-        if axes is not None and format_of(path) != "HDF5":
-            # The shape of an array hardly says which axis is which: where axes are given, they come first.
-            first, found = {"axes": axes}, _by_its_header(path, cube)
+        ways = [{}, {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}]
+        if axes is not None and format_of(path) != "HDF5" and not _header_fits(path, cube):
+            ways = [{"axes": axes}, {}]  # the shape of an array hardly says which axis is which
         try:
-            maps, layout = found or read_file(path, **first, held=_HELD_TRUTH)
+            maps, layout = read_file(path, **ways[0])
         except InputError:
-            if maps_name is freqs_name is axes is None:
-                raise
-            maps, layout = read_file(path, **({} if first else names), held=_HELD_TRUTH)
+            maps, layout = read_file(path, **ways[1])
         pixels = layout.pixels
         stated = {"freqs": layout.freqs, "unit": layout.unit, "order": pixels.nested, "frame": pixels.frame}
         unsaid = {name: value for name, value in given.items() if stated.get(name) is None}
@@ -125,36 +117,26 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
     return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
 
 
-def _by_its_header(path, cube):
-    """Maps and `Layout` of an image cube that has the channels and the image of a `Cube`; None of another.
+def _header_fits(path, cube):
+    """Whether an image cube has the channels and the image of a `Cube` by its own header.
 
-    None too where the header of the `Cube` has an axis of frequencies: axes that are given correct it, and
+    False where the header of the `Cube` has an axis of frequencies: axes that are given correct it, and
     those of this one.
     """
-    if cube is None or cube.layout.freqs_from.startswith("the axis FREQ"):
-        return None
-    try:
-        maps, layout = read_file(path, held=_HELD_TRUTH)
-    except InputError:
-        return None
-    if layout.freqs is None or not layout.pixels.same(cube.layout.pixels):
-        return None
-    near = same_freqs(layout.freqs[:, None], cube.freqs).any(axis=0)
-    return (maps, layout) if near.all() else None
+    if cube is not None and not cube.layout.freqs_from.startswith("the axis FREQ"):
+        with suppress(InputError):
+            layout = read_file(path)[1]
+            if layout.freqs is not None and layout.pixels.same(cube.layout.pixels):
+                return same_freqs(layout.freqs[:, None], cube.freqs).any(axis=0).all()
+    return False
 
 
-def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
+def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
     """Maps and `Layout` of an HDF5, FITS or .npy file, whatever its name ends with, or a folder of FITS.
 
     FITS holds HEALPix maps in a table, or an image cube with world coordinates; of these each file of a
-    folder may have a range of channels. Options as of `read_cube`, and for all readers of formats:
-
-    Parameters
-    ----------
-    aside
-        Datasets of an HDF5 file that are no maps and no masks, by the last part of their names.
-    held
-        Cubes in float32 that the caller will hold at once: they must fit into memory.
+    folder may have a range of channels. Options as of `read_cube`; `aside` are datasets of an HDF5 file that
+    are no maps and no masks, by the last part of their names.
 
     Returns
     -------
@@ -169,22 +151,21 @@ def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
     """
     is_folder = os.path.isdir(path)
     path = Path(path) if is_folder else regular_file(path)
-    form = "folder" if is_folder else format_of(path)
+    form = "FITS" if is_folder else format_of(path)
     if form == "HDF5":
-        names = {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}
-        return hdf5.read_hdf5(path, **names, aside=aside, held=held)
+        names = {"maps_name": maps_name, "freqs_name": freqs_name}
+        return hdf5.read_hdf5(path, **names, axes=axes, aside=aside)
     if form is None:
         raise InputError(
             f"{path}: a cube is HDF5, FITS or .npy, or a folder of FITS files, one for each channel; by its "
             "first bytes and its name this is none of them (unpack archives, and write netCDF as netCDF-4)."
         )
-    if maps_name is not None or freqs_name is not None:
+    if (maps_name, freqs_name) != (None, None):
         raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is none.")
-    read = read_npy if form == "npy" else fits.read_fits
-    return read(path, axes=axes, held=held)
+    return read_npy(path, axes) if form == "npy" else fits.read_fits(path, axes)
 
 
-def read_npy(path, *, axes=None, held=1):
+def read_npy(path, axes=None):
     """Maps and `Layout` of an array of HEALPix maps, which states nothing else."""
     maps = mapped_array(path)
     if maps.ndim != 2 or maps.dtype.kind not in "fiu" or not sphere_sizes(maps.shape):
@@ -192,7 +173,7 @@ def read_npy(path, *, axes=None, held=1):
             f"{path} must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2, "
             f"got {maps.dtype} {maps.shape}."
         )
-    check_cube_room(path, maps.size, maps.dtype.itemsize, held)
+    check_cube_room(path, maps.size, maps.dtype.itemsize)
     pixels, remarks = pixel_axis(maps.shape, axes)
     maps = read_array(path) if pixels else read_array(path).T
     return maps, Layout.of_sphere(maps, remarks=remarks)
@@ -206,16 +187,47 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
     InputError
         What is given contradicts the file, or neither says what is needed.
     """
-    pixels, freqs_from = layout.pixels, layout.freqs_from or "the caller"
+    layout = _with_freqs(path, n_channels, layout, freqs)
+    if layout.pixels.whole_sky:
+        nested = is_nested(None if order is None else str(order), "order")
+        shown = {True: "NESTED", False: "RING"}.get
+        nested = _either(path, "order", layout.pixels.nested, nested, shown=shown)
+        frame = frame_of(frame, name="the frame of coordinates (--frame)")
+        frame = _either(path, "frame", layout.pixels.frame, frame)
+        if nested is None:
+            layout = layout.noted(
+                "the file does not say the order of its pixels: assumed to be RING (--order to change it)."
+            )
+        layout = replace(layout, pixels=replace(layout.pixels, nested=bool(nested), frame=frame))
+    elif "jy" in (layout.unit or "").lower():
+        raise InputError(
+            f"{path} is in {layout.unit}, and a cube must be in K, mK or uK: convert every channel in "
+            "astropy, as (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)),"
+            " or values in MJy/sr without beam_area, and write BUNIT = 'K'."
+        )
+    elif (order, frame) != (None, None):
+        raise InputError("an image has no order or frame of HEALPix pixels; leave --order and --frame out.")
+    units = (one if one is None else temperature_unit(one, where=_UNIT_IS) for one in (layout.unit, unit))
+    unit = _either(path, "unit", *units)
+    if unit is None:
+        raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
+    return replace(layout, unit=unit)
+
+
+def _with_freqs(path, n_channels, layout, freqs):
+    """The `Layout` of a file with its frequencies, which `freqs` are, or a file of them, if it has none."""
+    given_from = "the caller"
     if isinstance(freqs, str | os.PathLike):
         freqs, given_from = read_freqs(freqs)
-        freqs_from = layout.freqs_from or given_from
     freqs = None if freqs is None else real_array("freqs", in_mhz(freqs)).astype(float)
-    both = {
-        "same": lambda one, other: one.shape == other.shape and same_freqs(one, other).all(),
-        "shown": partial(np.array2string, threshold=5, edgeitems=2),
-    }
-    freqs = _either(path, "list of frequencies", layout.freqs, freqs, **both)
+    freqs = _either(
+        path,
+        "list of frequencies",
+        layout.freqs,
+        freqs,
+        same=lambda one, other: one.shape == other.shape and same_freqs(one, other).all(),
+        shown=partial(np.array2string, threshold=5, edgeitems=2),
+    )
     if freqs is None:
         how = " Names of files state them where each has one number in MHz or GHz, as map_950.5MHz.fits has."
         raise InputError(
@@ -228,37 +240,13 @@ def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, fr
             "axes of the array are others, name them in the order of numpy (--axes ra,dec,freq, dec,ra,freq "
             "and so on, or pixel,freq)."
         )
+    remarks = layout.remarks
     if layout.names:
         if layout.freqs is None:
             check_names(layout.names, freqs)
         ends = (f"{layout.names[n]} ({freqs[n]:.10g} MHz)" for n in (0, -1))
-        sentence = f"The first of its files is {', the last '.join(ends)}."
-        layout = replace(layout, remarks=(sentence, *layout.remarks))
-    if not pixels.whole_sky:
-        if "jy" in (layout.unit or "").lower():
-            raise InputError(
-                f"{path} is in {layout.unit}, and a cube must be in K, mK or uK: convert every channel in "
-                "astropy, as (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)),"
-                " or values in MJy/sr without beam_area, and write BUNIT = 'K'."
-            )
-        for name, value in {"order": order, "frame": frame}.items():
-            if value is not None:
-                raise InputError(f"an image has no {name} of HEALPix pixels; leave --{name} {value} out.")
-    read_unit = partial(temperature_unit, where=_UNIT_IS)
-    unit = _either(path, "unit", layout.unit, unit, same=lambda *both: len({*map(read_unit, both)}) == 1)
-    if unit is None:
-        raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
-    if pixels.whole_sky:
-        nested = is_nested(None if order is None else str(order), "order")
-        nested = _either(path, "order", pixels.nested, nested, shown={True: "NESTED", False: "RING"}.get)
-        frame = frame_of(frame, name="the frame of coordinates (--frame)")
-        frame = _either(path, "frame", pixels.frame, frame)
-        if nested is None:
-            layout = layout.noted(
-                "the file does not say the order of its pixels: assumed to be RING (--order to change it)."
-            )
-        pixels = replace(pixels, nested=bool(nested), frame=frame)
-    return replace(layout, pixels=pixels, freqs=freqs, freqs_from=freqs_from, unit=read_unit(unit))
+        remarks = (f"The first of its files is {', the last '.join(ends)}.", *remarks)
+    return replace(layout, freqs=freqs, freqs_from=layout.freqs_from or given_from, remarks=remarks)
 
 
 def _either(path, what, stated, given, *, same=operator.eq, shown=str):

@@ -19,7 +19,7 @@ from himap.core.errors import InputError
 from himap.core.reading import reading
 from himap.cubes.axes import check_world_axes, fits_in, stated_freqs, turn_of
 from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, image_name, world_of
-from himap.cubes.layout import STRUCTURE, Layout, check_cube_room, only_value, plain_pairs
+from himap.cubes.layout import HELD, STRUCTURE, Layout, check_cube_room, only_value, plain_pairs
 from himap.maps.frames import spectral_frame_of
 from himap.maps.healpix_io import card_text, freq_in_header, read_maps
 
@@ -35,8 +35,8 @@ _AS_STORED = {"memmap": False, "uint": False}  # what astropy makes of unsigned 
 _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 
 
-def read_fits(path, *, axes=None, held=1, logical=False):
-    """Maps and `Layout` of a file, or of a folder of files; parameters as of `himap.cubes.files.read_file`.
+def read_fits(path, axes=None, *, logical=False):
+    """Maps and `Layout` of a file, or of a folder of files; `axes` as of `himap.cubes.files.read_file`.
 
     HEALPix maps have a column for each channel, as healpy writes them, or in a folder a file, in the order of
     their names with numbers as numbers; of three Stokes parameters there the first is read. Of images in a
@@ -44,19 +44,19 @@ def read_fits(path, *, axes=None, held=1, logical=False):
     """
     paths, left_out = fits_in(path) if path.is_dir() else ([path], [])
     if _holds_image(paths[0]):
-        maps, layout = _read_images(paths, axes, held)
+        maps, layout = _read_images(paths, axes)
     elif axes is not None:
         raise InputError(f"axes (--axes) are those of arrays, and {path} is a table of maps; leave them out.")
     elif path.is_dir():
-        maps, layout = _read_tables(path, paths, held)
+        maps, layout = _read_tables(path, paths)
     else:
-        maps, layout = _read_table(path, held, logical)
+        maps, layout = _read_table(path, logical)
     return maps, layout.noted(*left_out)
 
 
-def _read_table(path, held, logical):
+def _read_table(path, logical):
     """Maps and `Layout` of a file of HEALPix maps with a column for each channel."""
-    file = read_maps(path, held=held, logical=logical)
+    file = read_maps(path, held=HELD, logical=logical)
     if file.names in _STOKES:
         raise InputError(
             f"{path} has the Stokes parameters of one map ({', '.join(file.names)}), and not a channel in "
@@ -84,7 +84,7 @@ def _layout(path, maps, files, labels, **stated):
     )
 
 
-def _read_tables(folder, paths, held):
+def _read_tables(folder, paths):
     """Maps and `Layout` of a folder with a file of HEALPix maps for each channel."""
     files, names, n_polarised = [], [path.name for path in paths], 0
     for path in paths:
@@ -98,7 +98,7 @@ def _read_tables(folder, paths, held):
                 f"{file.maps.shape[1]} pixels."
             )
         if not files:
-            check_cube_room(folder, len(paths) * n_pix, file.maps.dtype.itemsize, held)
+            check_cube_room(folder, len(paths) * n_pix, file.maps.itemsize)
         files.append(replace(file, maps=file.maps.copy()))
     in_headers = [freq_in_header(file.header, path) for file, path in zip(files, paths, strict=True)]
     stated = {"names": tuple(names), **stated_freqs(names, "the names of its files", in_headers)}
@@ -122,7 +122,7 @@ def _quiet():
     return warnings.catch_warnings(action="ignore", category=AstropyWarning)
 
 
-def _read_images(paths, axes, held):
+def _read_images(paths, axes):
     """Maps, NaN where blank, and `Layout` of the channels of all image cubes in some files."""
     remarks, parts = [], []
     for path in paths:
@@ -137,7 +137,7 @@ def _read_images(paths, axes, held):
     frame = only_value(where, "spectral frame", frames, names)
     dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
     n_pix = int(np.prod(pixels.shape))
-    check_cube_room(where, ends[-1] * n_pix, dtype.itemsize, held)
+    check_cube_room(where, ends[-1] * n_pix, dtype.itemsize)
     maps = np.empty((ends[-1], n_pix), dtype=dtype)
     for part, out in zip(parts, np.split(maps, ends[:-1]), strict=True):
         with _opened(part.path) as file:

@@ -15,7 +15,7 @@ from himap.core.errors import InputError
 from himap.cubes import hdf5_access as access
 from himap.cubes.axes import pixel_axis
 from himap.cubes.fits import parts_of_headers
-from himap.cubes.hdf5_access import LISTED, MAP
+from himap.cubes.hdf5_access import LISTED
 from himap.cubes.images import HEADERS, ImagePixels
 from himap.cubes.layout import Layout, check_cube_room
 from himap.maps import sphere
@@ -23,29 +23,27 @@ from himap.maps.sphere import sphere_sizes
 
 _FREQUENCIES = {"freq", "freqs", "frequency", "frequencies", "nu", "nus"}
 _IN_UNIT = {f"{name}_{unit.lower()}": unit for name in _FREQUENCIES for unit in ("Hz", "kHz", "MHz", "GHz")}
-_MAP_FREQS, _MAP_POLS, _MAP_AXES = "index_map/freq", "index_map/pol", ["freq", "pol", "pixel"]
+_MAP, _MAP_FREQS, _MAP_POLS, _MAP_AXES = "map", "index_map/freq", "index_map/pol", ["freq", "pol", "pixel"]
 
 
-def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), held=1):
+def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
     """Maps (n_channels, n_pix) and `Layout` of a file; parameters as of `himap.cubes.files.read_file`."""
     with access.opened(path, aside) as file:
+        has_index = any(name.startswith("index_map/") for name in {*file.items, *file.elsewhere})
+        is_container = has_index and getattr(file.arrays.get(_MAP), "ndim", 0) == 3
+        is_container = is_container and maps_name in (None, _MAP) and freqs_name is None
+        if (HEADERS in file.items or is_container) and (freqs_name, axes) != (None, None):
+            raise InputError(f"{path} states its axes and channels; leave --axes and --freqs-name out.")
         if HEADERS in file.items:
-            if freqs_name is not None or axes is not None:
-                raise InputError(
-                    f"{path} has images, whose axes and frequencies its {HEADERS} state; leave --axes and "
-                    "--freqs-name out."
-                )
-            return _read_images(file, maps_name, held)
+            return _read_images(file, maps_name)
         fitting = [name for name, item in file.arrays.items() if item.ndim == 2 and sphere_sizes(item.shape)]
-        if maps_name in (None, MAP) and freqs_name is None and file.is_container:
+        if is_container:
             if maps_name is None and fitting:
                 raise InputError(
-                    f"{path} is a container with {MAP}, and has {fitting[0]} too; name the one that is meant "
-                    "with --maps."
+                    f"{path} is a container with {_MAP}, and has {fitting[0]} too; name the one that is "
+                    "meant with --maps."
                 )
-            if axes is not None:
-                raise InputError(f"{path} is a container, whose axes are known; leave them (--axes) out.")
-            item, pixels = file.get(MAP, "--maps"), 1
+            item, pixels = file.get(_MAP, "--maps"), 1
             part, stated = _container_axes(file, item)
         else:
             item, part = file.get(maps_name or file.only_one(fitting), "--maps"), ...
@@ -59,7 +57,7 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
                 axes = "freq,pixel" if is_freqs[0] else "pixel,freq"
             pixels, remarks = pixel_axis(item.shape, axes)
             stated = {"remarks": remarks, **_freqs_of(file, freqs_name, item.shape[1 - pixels])}
-        check_cube_room(path, item.shape[0] * float(item.shape[-1]), item.dtype.itemsize, held)
+        check_cube_room(path, item.shape[0] * float(item.shape[-1]), item.dtype.itemsize)
         maps = file.values(item, part, fill=True)
         maps = maps if pixels else maps.T
         layout = Layout.of_sphere(maps, **file.stated(item), **stated)
@@ -67,16 +65,11 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=(), hel
         return maps, layout.noted(*file.remarks)
 
 
-def _read_images(file, name, held):
+def _read_images(file, name):
     """The maps and `Layout` of images, as `himap.cubes.writing` writes them, in an open file."""
     path, headers = file.path, file.items[HEADERS][...]
     pixels = ImagePixels(parts=parts_of_headers(path, [access.decoded(text) for text in headers]))
     n_channels = sum(part.n_channels for part in pixels.parts)
-    if any(part.freqs is None for part in pixels.parts):  # uneven ones, which no axis states
-        stated = _freqs_of(file, None, n_channels)
-    else:
-        freqs = np.concatenate([part.freqs for part in pixels.parts])
-        stated = {"freqs": freqs, "freqs_from": f"the dataset {HEADERS}"}
     shape = (n_channels, *pixels.shape)
     fitting = [name for name, item in file.arrays.items() if item.shape == shape]
     item = file.get(name or file.only_one(fitting), "--maps")
@@ -84,12 +77,13 @@ def _read_images(file, name, held):
         raise InputError(
             f"{item.name[1:]} in {path} must have the shape of its {HEADERS}, {shape}, got {item.shape}."
         )
-    check_cube_room(path, math.prod(shape), item.dtype.itemsize, held)
-    stated |= {key: file.stated(item)[key] for key in ("unit", "about")} | {"remarks": tuple(file.remarks)}
+    check_cube_room(path, math.prod(shape), item.dtype.itemsize)
+    stated = _freqs_of(file, None, n_channels) | {"remarks": tuple(file.remarks)}
+    stated |= {key: file.stated(item)[key] for key in ("unit", "about")}
     return file.values(item).reshape(n_channels, -1), Layout(pixels=pixels, **stated)
 
 
-def read_dataset(path, word, *, held=1):
+def read_dataset(path, word):
     """The numbers of the one dataset that is called `word`, in any group, in the shape that they have.
 
     With them what is stated, for `Layout.of_sphere`. Raises an InputError where there is none, or several,
@@ -101,7 +95,7 @@ def read_dataset(path, word, *, held=1):
             listing = ", ".join(names[:LISTED]) or file.listing()
             raise InputError(f"{path} must have one dataset called {word}; it has {listing}.")
         item = file.get(names[0])
-        check_cube_room(path, math.prod(item.shape), item.dtype.itemsize, held)
+        check_cube_room(path, math.prod(item.shape), item.dtype.itemsize)
         values = file.values(item)
         return values, file.stated(item) | _freqs_of(file, None, min(values.shape, default=0))
 
@@ -149,7 +143,7 @@ def _container_axes(file, maps):
     path, (n_channels, n_pols, n_pix) = file.path, maps.shape
     for name in (_MAP_POLS, _MAP_FREQS):
         if name not in file.items:
-            raise InputError(f"{path} has {MAP} (freq, pol, pixel), but no {name} in its own file.")
+            raise InputError(f"{path} has {_MAP} (freq, pol, pixel), but no {name} in its own file.")
     axes = [access.decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
     names, freqs = (file.values(file.get(name)) for name in (_MAP_POLS, _MAP_FREQS))
     names = [access.decoded(name) for name in names.ravel()]
@@ -157,7 +151,7 @@ def _container_axes(file, maps):
     is_right = axes == _MAP_AXES and sphere.is_n_pix(n_pix) and len(names) == n_pols
     if not (is_right and freqs.shape == (n_channels,) and freqs.dtype.kind in "fiu"):
         raise InputError(
-            f"{path}: a container must have {MAP} with the axes (freq, pol, pixel) and 12 nside^2 pixels, "
+            f"{path}: a container must have {_MAP} with the axes (freq, pol, pixel) and 12 nside^2 pixels, "
             f"as {_MAP_POLS} the names of its polarisations and as {_MAP_FREQS} a frequency for each channel "
             f"in MHz, or a table with a column centre; got axes {axes} of {maps.shape}, {len(names)} names "
             f"and frequencies {freqs.dtype} {freqs.shape}. Write the intensity as (channels, pixels)."

@@ -17,9 +17,6 @@ _SCALE = ("scale_factor", "add_offset")
 UNITS = ("unit", "bunit")
 """Attributes with a unit; the names of others follow."""
 
-MAP = "map"
-"""The dataset of maps in a container."""
-
 LISTED = 20
 """Datasets in a message."""
 
@@ -69,15 +66,10 @@ class Datasets:
     """
 
     def __init__(self, path, file, aside):
-        self.path, self.file, self.items, self.elsewhere, self._n = path, file, {}, set(), 0
-        self.remarks = []
+        self.path, self.file, self.aside, self._n = path, file, aside, 0
+        self.items, self.arrays, self.masks, self.elsewhere, self.remarks = {}, {}, {}, set(), []
         self._add("", file)
         file.visititems(self._add)  # each item once, whatever links lead to it
-        known = {name: item for name, item in self.items.items() if last_part(name) not in aside}
-        self.masks = {name: item for name, item in known.items() if last_part(name) in _MASKS}
-        self.arrays = {
-            name: item for name, item in known.items() if name not in self.masks and _has_numbers(item)
-        }
 
     def _add(self, name, item):
         self._n += 1
@@ -91,12 +83,12 @@ class Datasets:
             self.elsewhere |= {key for key, link in links.items() if isinstance(link, h5py.ExternalLink)}
         elif isinstance(item, h5py.Dataset):
             self.items[name] = item
-
-    @property
-    def is_container(self):
-        """Whether it is a container of maps: `map` of three axes and an `index_map`."""
-        has_index = any(name.startswith("index_map/") for name in {*self.items, *self.elsewhere})
-        return has_index and MAP in self.arrays and self.arrays[MAP].ndim == 3
+            if last_part(name) in _MASKS - {*self.aside}:
+                self.masks[name] = item
+            elif last_part(name) not in self.aside:
+                with suppress(TypeError):  # a type that numpy does not have
+                    if item.dtype.kind in "fiuc" and item.shape is not None:
+                        self.arrays[name] = item
 
     def get(self, name, option=None):
         """The dataset called `name`, if its numbers are in this file; `option` of the command may give it."""
@@ -178,9 +170,7 @@ class Datasets:
         for place in reversed(self._places(item)):  # what is closer to the dataset counts
             for name in place.attrs:
                 with suppress(TypeError, OSError):  # a type that numpy does not have
-                    value = place.attrs[name]
-                    value = value.item() if isinstance(value, np.generic) else value
-                    pairs[name] = decoded(value) if isinstance(value, bytes) else value
+                    pairs[name] = _plain(place.attrs[name])
         about, spectral_frame = plain_pairs(pairs, _STRUCTURE), self.text(*_SPECTRAL, of=item)
         about |= {"SPECSYS": spectral_frame} if spectral_frame else {}
         name = f"the frame of coordinates (an attribute of {self.path})"
@@ -199,7 +189,7 @@ class Datasets:
         With `fill` the value of chunks that were never written is one that is missing, unless it is 0.
         """
         try:
-            stored, numbers = item[part], {}
+            stored = item[part]
         except OSError as error:
             raise InputError(
                 f"{item.name[1:]} in {self.path} cannot be read ({error}). If it is compressed with a filter "
@@ -207,11 +197,11 @@ class Datasets:
                 "hdf5plugin.PLUGIN_PATH), or write the file again with gzip where the filter is "
                 "(h5repack -f GZIP=4); if not, the file is damaged."
             ) from None
-        for key in (key for key in _PACKING if key in item.attrs):
-            numbers[key] = np.ravel(item.attrs[key])
-            n_right = _PACKING[key] or numbers[key].size
-            is_right = numbers[key].dtype.kind in "fiu" and numbers[key].size == n_right
-            if not is_right or (key in _SCALE and not np.isfinite(numbers[key]).all()):
+        numbers = {key: np.ravel(item.attrs[key]) for key in _PACKING if key in item.attrs}
+        for key, given in numbers.items():
+            n_right = _PACKING[key] or given.size
+            is_right = given.dtype.kind in "fiu" and given.size == n_right
+            if not is_right or (key in _SCALE and not np.isfinite(given).all()):
                 raise InputError(
                     f"{key} of {item.name[1:]} in {self.path} must be numbers, {n_right}, and finite if "
                     f"maps are scaled by it; got {item.attrs[key]!r}."
@@ -239,14 +229,6 @@ def last_part(name):
     return name.rpartition("/")[2].lower()
 
 
-def _has_numbers(item):
-    """Whether a dataset has numbers."""
-    try:
-        return item.dtype.kind in "fiuc" and item.shape is not None
-    except TypeError:  # a type that numpy does not have
-        return False
-
-
 def text_of(item, *names):
     """The text of the attribute of one of these names, with an s or without, or None.
 
@@ -267,9 +249,14 @@ def text_of(item, *names):
 
 
 def decoded(value):
-    """A value, or an array of one, as text, of bytes by UTF-8 or else Latin-1."""
-    value = value.item() if isinstance(value, np.ndarray) and value.size == 1 else value
+    """A value, or an array of one, as text."""
+    return str(_plain(value))
+
+
+def _plain(value):
+    """A value, or that of an array of one, as Python has it; bytes as text, by UTF-8 or else Latin-1."""
+    value = value.item() if getattr(value, "size", None) == 1 else value
     try:
-        return value.decode() if isinstance(value, bytes) else str(value)
+        return value.decode() if isinstance(value, bytes) else value
     except UnicodeDecodeError:
         return value.decode("latin-1")

@@ -8,15 +8,14 @@ import numpy as np
 
 from himap.core.checks import real_array
 from himap.core.errors import InputError
-from himap.core.reading import format_of, mapped_array, read_array, regular_file
+from himap.core.reading import format_of, read_array, regular_file
 from himap.cubes import fits, hdf5
 from himap.cubes.axes import pixel_axis
-from himap.cubes.layout import Layout, check_cube_room, same_freqs
+from himap.cubes.layout import Layout, same_freqs
 from himap.maps import sphere
 from himap.maps.healpix_io import to_ring
 from himap.maps.sphere import sphere_sizes
 
-_HELD = 2  # cubes in float32 besides that in the file: weights are float64
 _RIGHT = {
     "weights": "finite and 0 or more; 0 means not seen",
     "flags": "True (or 1) where a voxel is bad and False (or 0) where it is good",
@@ -129,19 +128,17 @@ def _read(path, word, layout):
     label, own, form = f"the {word} {path}", layout.pixels, format_of(regular_file(path, f"file of {word}"))
     in_hdf5 = own.whole_sky and word != "mask"  # nobody knows what a mask means there
     if form == "npy":
-        mapped = mapped_array(path)
-        check_cube_room(path, mapped.size, mapped.dtype.itemsize, _HELD)
         values, theirs = _by_channel(label, read_array(path), own), Layout(pixels=own)
         return np.nan_to_num(values) if word == "mask" else values, theirs
     if in_hdf5 and form == "HDF5":
-        values, stated = hdf5.read_dataset(path, word, held=_HELD)
+        values, stated = hdf5.read_dataset(path, word)
         values = _by_channel(f"{word} in {path}", values, own)
         nested = own.nested if stated["nested"] is None else stated["nested"]
         return values, Layout.of_sphere(values, **stated | {"nested": nested})
     if form != "FITS":
         whose = "" if own.whole_sky else " of a cube of images"
         raise InputError(f"{label}{whose} must be a {'.h5, ' * in_hdf5}.fits or .npy file.")
-    maps, theirs = fits.read_fits(Path(path), held=_HELD, logical=True)
+    maps, theirs = fits.read_fits(Path(path), logical=True)
     if own.whole_sky and theirs.pixels.whole_sky and theirs.pixels.nested is None:
         raise InputError(f"{label} must say ORDERING = RING or NESTED; write it with healpy.write_map.")
     if not (own.whole_sky and theirs.pixels.whole_sky) and not own.same(theirs.pixels):
