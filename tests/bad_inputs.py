@@ -254,7 +254,7 @@ for n, (name, values, message) in enumerate(
         ("index_map__freq", np.zeros(24, dtype=[("width", "f8")]), "or a table with a column centre"),
         ("index_map__freq", h5py.ExternalLink("other.h5", "freqs"), "no index_map/freq in its own"),
         ("mask", np.zeros(SHAPE, dtype=bool), "has a mask"),
-        ("others", good_maps(), "name the one that is meant with --maps"),
+        ("others", good_maps(), "2 are: others, map. Name it with --maps"),
     )
 ):
     add(f"container {n}: {message}", "a.h5 --unit K", message, container, **{name: values})
@@ -324,11 +324,21 @@ add("Stokes parameters of one map", "a.fits", "Stokes parameters of one map", wr
 # Images with world coordinates.
 for name, axes, cards, message in (
     ("no FREQ axis", (*SKY["SIN"], ("LAYER", 1, 1, 1, "")), {}, "no axis FREQ"),
-    ("velocities", (*SKY["SIN"], ("VRAD", 1e5, 1, 1e3, "m/s")), {"RESTFRQ": 1.42e9}, "axis VRAD, and FREQ"),
+    (
+        "velocities",
+        (*SKY["SIN"], ("VRAD", 1e5, 1, 1e3, "m/s")),
+        {"RESTFRQ": 1.42e9},
+        "no axis FREQ, of the channels, but RA---SIN, DEC--SIN, VRAD",
+    ),
     ("no sky", (("X", 1, 1, 1, ""), ("Y", 1, 1, 1, ""), FREQ), {}, "two axes of the sky"),
     ("flux", (*SKY["SIN"], FREQ), {"BUNIT": "Jy/beam"}, "u.brightness_temperature(freq, beam_area=...)"),
     ("surface", (*SKY["SIN"], FREQ), {"BUNIT": "MJy/sr"}, "a.fits is in MJy/sr, and"),
-    ("aips", (*SKY["SIN"], ("VELO-LSR", 1e5, 1, 1e3, "m/s")), {"RESTFREQ": 1.42e9}, "axis VELO-LSR, and"),
+    (
+        "aips",
+        (*SKY["SIN"], ("VELO-LSR", 1e5, 1, 1e3, "m/s")),
+        {"RESTFREQ": 1.42e9},
+        "but RA---SIN, DEC--SIN, VELO-LSR",
+    ),
     ("images without unit", (*SKY["SIN"], FREQ), {"BUNIT": ""}, "give unit="),
     ("another unit of images", (*SKY["SIN"], FREQ), {"BUNIT": "m/s"}, "must be brightness temperatures"),
     ("a sheared cube", (*SKY["SIN"], FREQ), {"PC3_1": 0.1, "PC1_3": 0.0}, "FREQ changes along axis 1 too"),

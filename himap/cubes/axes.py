@@ -113,23 +113,20 @@ def check_world_axes(header, shape, name):
         )
 
 
-def turn_of(stored, axes, world, name):
+def turn_of(stored, axes, world):
     """Axes of an array of shape `stored` in the order of its header: as they are, or as `axes` says.
 
     `world` has the place of each of "lon", "lat" and "freq" in the header, from 0.
     """
-    n_axes, turn = len(stored), [*range(len(stored))]
+    n_axes = len(stored)
     if axes is None:
-        return tuple(turn)
+        return tuple(range(n_axes))
     words = named_axes(axes, tuple(world))
-    long = [axis for axis in turn if stored[axis] > 1]
-    if len(long) > len(words):
-        raise InputError(f"{name} has {len(long)} axes longer than one, and --axes names {len(words)}.")
-    short = [axis for axis in turn if axis not in long]
-    while len(long) < len(words):  # an axis of length one that is named, the last ones first
-        long.append(short.pop())
-    places = {n_axes - 1 - world[word]: axis for word, axis in zip(words, sorted(long), strict=True)}
-    return tuple(places[place] if place in places else short.pop() for place in range(n_axes))
+    # Those that are longer than one have names, and of the others the last ones.
+    *rest, one, two, three = sorted(range(n_axes), key=lambda axis: (stored[axis] > 1, axis))
+    named = sorted((one, two, three))
+    places = {n_axes - 1 - world[word]: axis for word, axis in zip(words, named, strict=True)}
+    return tuple(places[place] if place in places else rest.pop() for place in range(n_axes))
 
 
 def fits_in(folder):

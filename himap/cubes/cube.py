@@ -126,23 +126,19 @@ class Cube:
         Raises
         ------
         InputError
-            There is none, or a channel that none of them sees.
+            There is none.
         """
-        few = None if self.missing is None else np.count_nonzero(~self.missing, axis=0) < n_channels
-        if few is None or not few.any():
+        if self.missing is None:
             return self
-        if few.all():
-            raise InputError(f"no pixel is seen in {n_channels} channels or more.")
-        kept = self.mask.copy()
+        few, kept = np.count_nonzero(~self.missing, axis=0) < n_channels, self.mask.copy()
         kept[kept] = ~few
         remark = f"{few.sum()} pixels are left out, which fewer than {n_channels} channels see."
-        return self._of(kept, remark)
+        return self._of(kept, remark) if few.any() else self
 
     def _of(self, kept, remark):
         """The same of the pixels in `kept`, all of them seen, without the channels that see none of them."""
-        seen, layout, freqs, weights = kept[self.mask], self.layout, self.freqs, self.weights
-        outdated, said = _remarks_on(self.maps, freqs, weights), [remark]
-        maps = self.maps[:, seen]
+        seen, layout, said = kept[self.mask], self.layout, [remark]
+        maps, freqs, weights = self.maps[:, seen], self.freqs, self.weights
         if weights is not None:
             weights = weights[..., seen]
             some = np.broadcast_to(np.atleast_2d(weights).any(axis=1), freqs.shape)
@@ -153,9 +149,9 @@ class Cube:
                 layout = replace(layout, channels=layout.channels[some])
                 said.append(f"{(~some).sum()} channels have no data there and are left out.")
             weights = checked_weights(weights, maps.shape)[1]
-        remarks = [one for one in self.remarks if one not in outdated] + _remarks_on(maps, freqs, weights)
-        layout = replace(layout, remarks=(*remarks, *said))
-        return replace(self, maps=maps, freqs=freqs, mask=kept, weights=weights, layout=layout)
+        cube, outdated = replace(self, maps=maps, freqs=freqs, mask=kept, weights=weights), _remarks_on(self)
+        remarks = [one for one in self.remarks if one not in outdated]
+        return replace(cube, layout=replace(layout, remarks=(*remarks, *_remarks_on(cube), *said)))
 
     def channels_of(self, other):
         """The same `Cube` without the channels that the file of `other` has, but `other` has not."""
@@ -259,29 +255,15 @@ def make_cube(maps, layout, *, weights=None):
     lines = as_float32(lines)  # or float64 as it was
     if weights is not None:
         weights = weights[np.ix_(channels, mask)]
-    freqs = layout.freqs[channels]
-    remarks = [*_remarks_on_area(freqs, mask, weights, layout), *_remarks_on(lines, freqs, weights)]
-    if dead.any():
-        names = ", ".join(f"{freq:g}" for freq in np.sort(layout.freqs[dead])[:5])
-        remarks.append(f"{dead.sum()} of these have one value everywhere, as dead ones: {names} MHz.")
-    if weights is None and are_scattered(seen):
-        remarks.append(
-            "Pixels that some channels miss are masked in all; methods that take weights keep what is seen "
-            f"of them ({', '.join(using('weights'))})."
-        )
-    if maps.dtype.itemsize == 2 and maps.dtype.kind == "f":
-        rounding = np.abs(lines).max() * np.finfo(np.float16).eps / 2
-        remarks.append(
-            f"the file has floats of 16 bits, which round its brightest voxels by up to {rounding:.2g} mK, "
-            "where HI is of the order of 0.1 mK: write float32."
-        )
-    return Cube(
+    cube = Cube(
         maps=lines,
-        freqs=freqs,
+        freqs=layout.freqs[channels],
         mask=mask,
-        layout=replace(layout, channels=channels).noted(*remarks),
+        layout=replace(layout, channels=channels),
         weights=None if weights is None else checked_weights(weights, weights.shape)[1],
     )
+    remarks = _remarks_on_file(cube, seen, dead, maps.dtype)
+    return replace(cube, layout=cube.layout.noted(*remarks))
 
 
 def _seen_channels(seen, freqs):
@@ -300,32 +282,50 @@ def _seen_channels(seen, freqs):
     return channels
 
 
-def _remarks_on_area(freqs, mask, weights, layout):
-    """Which channels and pixels are left out, a list of sentences."""
-    remarks, where = [], "every" if weights is None else "some"
-    n_channels = len(layout.freqs)
-    if len(freqs) < n_channels:
-        remarks.append(f"{n_channels - len(freqs)} of {n_channels} channels have no data and are left out.")
-    if not mask.all():
-        area = layout.pixels.area
-        remarks.append(f"{mask.mean():.1%} of {area} is seen in {where} channel; the rest is masked.")
+def _remarks_on_file(cube, seen, dead, dtype):
+    """What of a file of maps of this dtype is not in its `Cube`, or may be a mistake, a list of sentences.
+
+    `seen` (n_in_file, n_pix) and `dead` (n_in_file,) are what its channels see, and which see one value.
+    """
+    remarks, n_channels = [], len(seen)
+    if len(cube.freqs) < n_channels:
+        n_left = n_channels - len(cube.freqs)
+        remarks.append(f"{n_left} of {n_channels} channels have no data and are left out.")
+    if not cube.mask.all():
+        where = "every" if cube.missing is None else "some"
+        area = f"{cube.mask.mean():.1%} of {cube.layout.pixels.area}"
+        remarks.append(f"{area} is seen in {where} channel; the rest is masked.")
+    remarks += _remarks_on(cube)
+    if dead.any():
+        names = ", ".join(f"{freq:g}" for freq in np.sort(cube.layout.freqs[dead])[:5])
+        remarks.append(f"{dead.sum()} of these have one value everywhere, as dead ones: {names} MHz.")
+    if cube.weights is None and are_scattered(seen):
+        remarks.append(
+            "Pixels that some channels miss are masked in all; methods that take weights keep what is seen "
+            f"of them ({', '.join(using('weights'))})."
+        )
+    if dtype.itemsize == 2 and dtype.kind == "f":
+        rounding = np.abs(cube.maps).max() * np.finfo(np.float16).eps / 2
+        remarks.append(
+            f"the file has floats of 16 bits, which round its brightest voxels by up to {rounding:.2g} mK, "
+            "where HI is of the order of 0.1 mK: write float32."
+        )
     return remarks
 
 
-def _remarks_on(maps, freqs, weights):
-    """What is missing in the maps of a cube, and what may be a mistake in them, a list of sentences."""
-    remarks, missing = [], missing_of(weights)
-    if missing is not None:
+def _remarks_on(cube):
+    """What is missing in the maps of a `Cube`, and what may be a mistake in them, a list of sentences."""
+    remarks, steps = [], np.diff(cube.freqs)
+    if cube.missing is not None:
         remarks.append(
-            f"{np.mean(missing):.2%} of the voxels in these pixels are missing (flagged, not seen or of "
+            f"{np.mean(cube.missing):.2%} of the voxels in these pixels are missing (flagged, not seen or of "
             "no weight): they have no weight, their residual is not known, and the spectra have 0 in "
             "their place."
         )
-    empty = np.mean(~maps.any(axis=0))
+    empty = np.mean(~cube.maps.any(axis=0))
     if empty:
         remarks.append(f"{empty:.1%} of the pixels are 0 in all channels; make them NaN if they are missing.")
-    if not evenly_spaced(freqs):
-        steps = np.diff(freqs)
+    if not evenly_spaced(cube.freqs):
         remarks.append(
             f"channels are {steps.min():g} to {steps.max():g} MHz apart; P(k) assumes even spacing."
         )

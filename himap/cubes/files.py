@@ -282,10 +282,8 @@ def read_freqs(path):
     is_numbered = is_table and numbers.shape[1] > 2
     if is_table and (not is_numbered or np.array_equal(numbers[:, 0], np.arange(1, len(numbers) + 1))):
         lower, upper = numbers[:, is_numbered:][:, :2].T
-        adjoin = any(
-            same_freqs(end[:-1], start[1:]).all()  # edges that two channels share
-            for start, end in ((lower, upper), (upper, lower))
-        )
+        both = ((lower, upper), (upper, lower))  # edges that two channels share, upwards or downwards
+        adjoin = any(same_freqs(end[:-1], start[1:]).all() for start, end in both)
         if adjoin and (lower > 0).all() and (lower < upper).all():
             return (lower + upper) / 2, f"the edges of channels in {path}"
     raise InputError(

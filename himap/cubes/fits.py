@@ -18,7 +18,7 @@ from astropy.utils.exceptions import AstropyWarning
 from himap.core.errors import InputError
 from himap.core.reading import reading
 from himap.cubes.axes import check_world_axes, fits_in, stated_freqs, turn_of
-from himap.cubes.images import IMAGES, ImagePart, ImagePixels, has_image, image_name, world_of
+from himap.cubes.images import ImagePart, ImagePixels, image_name, world_of
 from himap.cubes.layout import HELD, STRUCTURE, Layout, check_cube_room, only_value, plain_pairs
 from himap.maps.frames import spectral_frame_of
 from himap.maps.healpix_io import card_text, freq_in_header, read_maps
@@ -29,6 +29,8 @@ _STOKES = {  # names of the three columns of one polarised map: of healpy, and s
     ("I", "Q", "U"),
     ("T", "Q", "U"),
 }
+_IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU  # as astropy opens them
+_NO_TYPE = ("", "LINEAR", "CHANNEL", "CHAN")  # CTYPE that says nothing of an axis
 _LOWEST = 1.0  # MHz: a FREQ in MHz or GHz that says nothing is read as Hz, and lies far below
 _BEAMS = "BEAMS"  # the table of CASA, to which CASAMBM in a header refers
 _AS_STORED = {"memmap": False, "uint": False}  # what astropy makes of unsigned integers forgets their BLANK
@@ -112,7 +114,7 @@ def _holds_image(path):
     """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read."""
     try:
         with _quiet(), fits.open(path, **_AS_STORED) as file:
-            return has_image(next(hdu for hdu in file if not isinstance(hdu, IMAGES) or hdu.shape))
+            return isinstance(next(hdu for hdu in file if not isinstance(hdu, _IMAGES) or hdu.shape), _IMAGES)
     except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
         return False
 
@@ -128,10 +130,9 @@ def _read_images(paths, axes):
     for path in paths:
         with _opened(path) as file:
             parts += _parts(path, file, axes=axes, remarks=remarks, alone=len(paths) == 1)
-    _check_alike(parts)
+    pixels = _pixels_of(parts)
     where, names = paths[0].parent if len(paths) > 1 else paths[0], [*map(str, parts)]
     units = [card_text(part.header, "BUNIT") for part in parts]
-    pixels = ImagePixels(parts=tuple(parts))
     ends = np.cumsum([part.n_channels for part in parts])
     frames = [spectral_frame_of(part.header.get("SPECSYS")) for part in parts]
     frame = only_value(where, "spectral frame", frames, names)
@@ -166,7 +167,7 @@ def _parts(path, file, *, axes, remarks, alone):
 
     The table of the beam of each channel is kept of a file that is `alone`: those of several have one name.
     """
-    images = [n for n, hdu in enumerate(file) if has_image(hdu) and len(hdu.shape) > 1]
+    images = [n for n, hdu in enumerate(file) if isinstance(hdu, _IMAGES) and len(hdu.shape) > 1]
     if not images:
         raise InputError(f"{path} holds no image cube.")
     worlds = {n: world_of(file[n].header) for n in images}
@@ -176,7 +177,7 @@ def _parts(path, file, *, axes, remarks, alone):
     parts = [_part(path, n, file[n].header, file[n].shape, worlds[n], axes) for n in cubes]
     parts[0] = replace(parts[0], tables=tuple(hdu.copy() for hdu in tables))
     rest = [(n, hdu) for n, hdu in enumerate(file) if n not in cubes and hdu not in tables]
-    others = [hdu.name or f"HDU {n}" for n, hdu in rest if not isinstance(hdu, IMAGES) or hdu.shape]
+    others = [hdu.name or f"HDU {n}" for n, hdu in rest if not isinstance(hdu, _IMAGES) or hdu.shape]
     if others:
         remarks.append(f"{path} holds {', '.join(others)} too, which is left out.")
     if tables:
@@ -191,31 +192,25 @@ def _parts(path, file, *, axes, remarks, alone):
     return parts
 
 
-def parts_of_headers(path, headers):
-    """The `ImagePart` of each header, as text, of the images that a file in HDF5 has as one array."""
+def pixels_of_headers(path, headers):
+    """The `ImagePixels` of the images that a file in HDF5 has as one array, by their headers, texts."""
     parts = []
     with _quiet():
         for index, text in enumerate(headers):
             header = fits.Header.fromstring(text)
             shape = [header[f"NAXIS{axis}"] for axis in range(header["NAXIS"], 0, -1)]
             parts.append(_part(path, index, header, shape, world_of(header)))
-    _check_alike(parts)
-    return tuple(parts)
+    return _pixels_of(parts)
 
 
 def _part(path, index, header, shape, wcs, axes=None):
     name = image_name(path, index, header)
     if axes is None:
         check_world_axes(header, shape, name)
-    spectral = _spectral_axis(wcs, header, name)
     n_axes = max(wcs.naxis, len(shape), 3)
     stored = (1,) * (n_axes - len(shape)) + tuple(shape)
-    has_freqs = spectral is not None
-    if not has_freqs:  # the first axis without type, of those that are longer than one if it can be
-        free = [axis for axis in range(n_axes) if axis >= wcs.naxis or _has_no_type(wcs, axis)]
-        long = [axis for axis in free if stored[n_axes - 1 - axis] > 1]
-        spectral = (long if long and axes is None else free)[0]
-    turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral}, name)
+    spectral, has_freqs = _spectral_axis(wcs, header, stored, axes, name)
+    turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral})
     shape = tuple(stored[axis] for axis in turn)
     _check_axes(wcs, shape, spectral, name)
     sky = sorted(n_axes - 1 - axis for axis in (wcs.wcs.lng, wcs.wcs.lat))
@@ -232,39 +227,37 @@ def _part(path, index, header, shape, wcs, axes=None):
                 f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means "
                 "Hz."
             )
-    order = {"stored": stored, "turn": turn, "order": (first, *sky, *rest)}
+    axes = {"shape": shape, "turn": turn, "order": (first, *sky, *rest)}
     where = {"path": path, "index": index, "header": header.copy()}
-    return ImagePart(**where, **order, freqs=freqs, celestial=wcs.celestial)
+    return ImagePart(**where, **axes, freqs=freqs, celestial=wcs.celestial)
 
 
-def _has_no_type(wcs, axis):
-    """Whether an axis of the world says nothing of what it is."""
-    return wcs.wcs.ctype[axis].strip() in ("", "LINEAR", "CHANNEL", "CHAN")
+def _spectral_axis(wcs, header, stored, axes, name):
+    """Which axis of the world is that of frequency, and whether its header states these.
 
-
-def _spectral_axis(wcs, header, name):
-    """Which axis of the world is that of frequency, None where it may be one that has no type."""
-    types = [text.strip() for text in wcs.wcs.ctype]
-    listing = ", ".join(text or "one without CTYPE" for text in types)
+    If not it is the first without a type, of those that are longer than one in an array of the shape `stored`
+    if it can be.
+    """
+    types, n_axes, axis = [text.strip() for text in wcs.wcs.ctype], len(stored), wcs.wcs.spec
+    spelled = (str(header.get(f"CTYPE{n}", "")).strip() for n in range(1, len(types) + 1))
+    listing = ", ".join(text or "one without CTYPE" for text in spelled)
     if not wcs.has_celestial:
         raise InputError(
             f"{name} must have two axes of the sky (CTYPE such as RA---SIN and DEC--SIN), got {listing}. For "
             "HEALPix maps write a table, as healpy.write_map does."
         )
-    axis = wcs.wcs.spec
-    if axis >= 0 and not types[axis].startswith("FREQ"):
+    if axis >= 0 and types[axis].startswith("FREQ"):
+        return axis, True
+    free = [n for n in range(n_axes) if n >= len(types) or types[n] in _NO_TYPE]
+    if axis >= 0 or not free:
         raise InputError(
-            f"{name} has the spectral axis {header[f'CTYPE{axis + 1}']}, and FREQ is needed: convert it with "
-            "the rest frequency, as SpectralCube.read(path).with_spectral_unit('Hz') of the package "
-            "spectral-cube does."
+            f"{name} has no axis FREQ, of the channels, but {listing}: write CTYPE, CRVAL, CRPIX, CDELT and "
+            "CUNIT of the frequencies into its header (SpectralCube.read(path).with_spectral_unit('Hz') of "
+            "the package spectral-cube converts velocities), or make the CTYPE of channels that are numbered "
+            "blank and give --freqs."
         )
-    if axis < 0 and len(types) > 2 and not any(_has_no_type(wcs, n) for n in range(len(types))):
-        raise InputError(
-            f"{name} has no axis FREQ, of the channels, but {listing}; write CTYPE, CRVAL, CRPIX, "
-            "CDELT and CUNIT of the frequencies into its header, or make the CTYPE of channels that are "
-            "numbered blank and give --freqs."
-        )
-    return axis if axis >= 0 else None
+    long = [n for n in free if stored[n_axes - 1 - n] > 1]
+    return (long if long and axes is None else free)[0], False
 
 
 def _check_axes(wcs, shape, spectral, name):
@@ -288,15 +281,14 @@ def _check_axes(wcs, shape, spectral, name):
             )
 
 
-def _check_alike(parts):
-    """Refuse images that do not share the axes of the sky, or of which only some have frequencies."""
-    first, *others = (ImagePixels(parts=(part,)) for part in parts)
-    for part, pixels in zip(parts[1:], others, strict=True):
-        if not first.same(pixels):
+def _pixels_of(parts):
+    """The `ImagePixels` of parts that share the axes of the sky, and all have frequencies, or none."""
+    first = ImagePixels(parts=tuple(parts[:1]))
+    for part in parts[1:]:
+        pixels = ImagePixels(parts=(part,))
+        if not first.same(pixels) or (part.freqs is None) != (parts[0].freqs is None):
             raise InputError(
-                f"all images must have the same axes of the sky: {parts[0]} has {first}, and {part} has "
-                f"{pixels}, or other coordinates; reproject them to one header."
+                f"all images must have the same axes of the sky, and FREQ, or not: {parts[0]} has {first}, "
+                f"and {part} has {pixels}, or other coordinates; reproject them to one header."
             )
-    unstated = [part for part in parts if part.freqs is None]
-    if unstated and len(unstated) < len(parts):
-        raise InputError(f"{unstated[0]} has no axis FREQ, and other images have; write it into its header.")
+    return replace(first, parts=tuple(parts))

@@ -14,9 +14,9 @@ from astropy import units as u
 from himap.core.errors import InputError
 from himap.cubes import hdf5_access as access
 from himap.cubes.axes import pixel_axis
-from himap.cubes.fits import parts_of_headers
+from himap.cubes.fits import pixels_of_headers
 from himap.cubes.hdf5_access import LISTED
-from himap.cubes.images import HEADERS, ImagePixels
+from himap.cubes.images import HEADERS
 from himap.cubes.layout import Layout, check_cube_room
 from himap.maps import sphere
 from himap.maps.sphere import sphere_sizes
@@ -37,26 +37,17 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
         if HEADERS in file.items:
             return _read_images(file, maps_name)
         fitting = [name for name, item in file.arrays.items() if item.ndim == 2 and sphere_sizes(item.shape)]
+        fitting += [_MAP] * is_container
+        item = file.maps(maps_name, fitting, "(n_channels, n_pix) with n_pix = 12 nside^2")
         if is_container:
-            if maps_name is None and fitting:
-                raise InputError(
-                    f"{path} is a container with {_MAP}, and has {fitting[0]} too; name the one that is "
-                    "meant with --maps."
-                )
-            item, pixels = file.get(_MAP, "--maps"), 1
             part, stated = _container_axes(file, item)
+            pixels = 1
         else:
-            item, part = file.get(maps_name or file.only_one(fitting), "--maps"), ...
-            if item.ndim != 2 or not sphere_sizes(item.shape):
-                raise InputError(
-                    f"{item.name[1:]} in {path} must be (n_channels, n_pix) with n_pix = 12 nside^2, got "
-                    f"{item.shape}."
-                )
             is_freqs = [n in _frequencies_in(file, freqs_name).values() for n in item.shape]
             if axes is None and sum(is_freqs) == 1:
                 axes = "freq,pixel" if is_freqs[0] else "pixel,freq"
             pixels, remarks = pixel_axis(item.shape, axes)
-            stated = {"remarks": remarks, **_freqs_of(file, freqs_name, item.shape[1 - pixels])}
+            part, stated = ..., {"remarks": remarks, **_freqs_of(file, freqs_name, item.shape[1 - pixels])}
         check_cube_room(path, item.shape[0] * float(item.shape[-1]), item.dtype.itemsize)
         maps = file.values(item, part, fill=True)
         maps = maps if pixels else maps.T
@@ -67,17 +58,13 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
 
 def _read_images(file, name):
     """The maps and `Layout` of images, as `himap.cubes.writing` writes them, in an open file."""
-    path, headers = file.path, file.items[HEADERS][...]
-    pixels = ImagePixels(parts=parts_of_headers(path, [access.decoded(text) for text in headers]))
+    headers = [access.decoded(text) for text in file.items[HEADERS][...]]
+    pixels = pixels_of_headers(file.path, headers)
     n_channels = sum(part.n_channels for part in pixels.parts)
     shape = (n_channels, *pixels.shape)
     fitting = [name for name, item in file.arrays.items() if item.shape == shape]
-    item = file.get(name or file.only_one(fitting), "--maps")
-    if item.shape != shape:
-        raise InputError(
-            f"{item.name[1:]} in {path} must have the shape of its {HEADERS}, {shape}, got {item.shape}."
-        )
-    check_cube_room(path, math.prod(shape), item.dtype.itemsize)
+    item = file.maps(name, fitting, f"{shape}, as its {HEADERS} say")
+    check_cube_room(file.path, math.prod(shape), item.dtype.itemsize)
     stated = _freqs_of(file, None, n_channels) | {"remarks": tuple(file.remarks)}
     stated |= {key: file.stated(item)[key] for key in ("unit", "about")}
     return file.values(item).reshape(n_channels, -1), Layout(pixels=pixels, **stated)

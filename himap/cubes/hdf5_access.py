@@ -109,17 +109,23 @@ class Datasets:
             )
         return item
 
-    def only_one(self, fitting):
-        """The only name of `fitting`; of a cleaned cube, the residual."""
-        if "himap" in self.file.attrs and {*_WRITTEN} <= {*fitting}:  # and mixing, of 12 nside^2 channels
+    def maps(self, name, fitting, shape):
+        """The dataset called `name` or, for None, the only one of `fitting`; of a cleaned cube, the residual.
+
+        All that are `fitting` have the `shape`, a text, of a cube.
+        """
+        if name is not None:
+            self.get(name, "--maps")
+            fitting = [each for each in fitting if each == name]
+        elif "himap" in self.file.attrs and {*_WRITTEN} <= {*fitting}:  # and mixing, of 12 nside^2 channels
             self.remarks.append("the residual of a cleaned cube is read, and not its foreground (--maps).")
-            return _WRITTEN[1]
+            fitting = _WRITTEN[1:]
         if len(fitting) == 1:
-            return fitting[0]
+            return self.get(fitting[0])
         more = ", ..." if len(fitting) > LISTED else ""
         listing = f"{len(fitting)} are: {', '.join(fitting[:LISTED])}{more}"
         raise InputError(
-            f"{self.path}: one dataset must be (n_channels, n_pix) with n_pix = 12 nside^2, but "
+            f"{self.path}: one dataset must be {shape}, but "
             f"{listing if fitting else f'it has {self.listing()}'}. Name it with --maps."
         )
 

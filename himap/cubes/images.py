@@ -16,9 +16,6 @@ from himap.cubes.layout import OURS
 from himap.maps.frames import equinox_of, frame_of
 from himap.maps.healpix_io import card_text
 
-IMAGES = fits.PrimaryHDU, fits.ImageHDU, fits.CompImageHDU
-"""What an image is in, as astropy opens it."""
-
 HEADERS = "headers"
 """The dataset of HDF5 with the header of each image."""
 
@@ -37,12 +34,10 @@ class ImagePart:
         The file and the HDU.
     header
         Of the HDU.
-    stored
-        Shape of its array, in the order of numpy, with axes of length one that it lacks.
-    turn
-        Axes of `stored` in the order of its world coordinates.
     shape
-        Of the turned array.
+        Of its array in the order of its world coordinates, with axes of length one that it lacks.
+    turn
+        Where the array of the file has these axes.
     order
         Axes of `shape`: frequency, the two of the sky as they come, and those of length one.
     freqs
@@ -56,7 +51,7 @@ class ImagePart:
     path: Path
     index: int
     header: fits.Header
-    stored: tuple[int, ...]
+    shape: tuple[int, ...]
     turn: tuple[int, ...]
     order: tuple[int, ...]
     freqs: np.ndarray | None
@@ -67,16 +62,13 @@ class ImagePart:
         return image_name(self.path, self.index, self.header)
 
     @property
-    def shape(self):
-        return tuple(self.stored[axis] for axis in self.turn)
-
-    @property
     def n_channels(self):
         return self.shape[self.order[0]]
 
     def read(self, file):
         """Its array in an open file as (n_channels, n_pix)."""
-        data = file[self.index].data.reshape(self.stored).transpose(self.turn)
+        stored = [self.shape[place] for place in np.argsort(self.turn)]
+        data = file[self.index].data.reshape(stored).transpose(self.turn)
         return data.transpose(self.order).reshape(self.n_channels, -1)
 
     def hdu(self, maps, kind, *, freqs, unit, cards, history):
@@ -87,7 +79,7 @@ class ImagePart:
         data = maps.reshape([self.shape[axis] for axis in self.order]).transpose(np.argsort(self.order))
         header = self.header.copy(strip=True)
         n_axes = self.header["NAXIS"]
-        if self.freqs is None or self.turn != tuple(range(len(self.stored))):
+        if self.freqs is None or self.turn != tuple(range(len(self.shape))):
             n_axes = len(self.shape)
             if "WCSAXES" in header:
                 header["WCSAXES"] = max(n_axes, header["WCSAXES"])
@@ -238,8 +230,3 @@ def world_of(header):
         ) from None
     world.pixel_shape = None  # astropy takes no part of one that is shorter than its axes
     return world
-
-
-def has_image(hdu):
-    """Whether an HDU is an image that is not empty."""
-    return isinstance(hdu, IMAGES) and bool(hdu.shape)
