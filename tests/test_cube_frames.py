@@ -66,8 +66,9 @@ class TestReadAndWritten:
             file[on].attrs[name] = "Equatorial"
             file[on].attrs["EQUINOX"] = 1950.0
         assert read_cube("a.h5").layout.pixels.frame == "C1950"
-        save_cleaned(clean_cube(read_cube("a.h5"), "pca", n_sources=2), "b.fits")
-        assert read_cube("b.fits").layout.pixels.frame == "C1950"
+        for written in ("b.fits", "b.h5"):
+            save_cleaned(clean_cube(read_cube("a.h5"), "pca", n_sources=2), written)
+            assert read_cube(written).layout.pixels.frame == "C1950"
 
     def test_a_card_of_the_file_before_the_table(self, maps):
         write("a.fits", maps, None)

@@ -12,7 +12,7 @@ from himap.core.errors import InputError
 from himap.core.reading import format_of
 from himap.core.survey import FREQ_21CM
 from himap.cubes.layout import is_seen
-from himap.maps.healpix_io import agreed, freqs_in
+from himap.maps.healpix_io import agreed, freq_in_header, freqs_in
 from himap.maps.sphere import sphere_sizes
 
 _N_FITTED = 3  # numbers of a parabola
@@ -99,20 +99,6 @@ def _roughness(lines):
     return float(np.sum((lines - basis @ (basis.T @ lines)) ** 2) / np.sum(lines**2))
 
 
-def check_world_axes(header, shape, name):
-    """Refuse a header that has fewer axes than its array, of this shape."""
-    n_world, lengths = header.get("WCSAXES"), tuple(shape)[::-1]
-    n_long = max((n for n, length in enumerate(lengths, 1) if length > 1), default=0)
-    if isinstance(n_world, int) and n_world < n_long:
-        raise InputError(
-            f"{name}: its header is of {n_world} axes (WCSAXES) and its array of {len(lengths)}, "
-            f"{' x '.join(map(str, lengths))} as FITS counts: which axis is which is not known. Write it "
-            "with a header of three axes, transposed to (channel, Dec, RA) in numpy, or give its axes in the "
-            "order of numpy: --axes ra,dec,freq or dec,ra,freq where channels are last, freq,dec,ra or "
-            "freq,ra,dec where they are first."
-        )
-
-
 def turn_of(stored, axes, world):
     """Axes of an array of shape `stored` in the order of its header: as they are, or as `axes` says.
 
@@ -187,13 +173,14 @@ def check_names(names, freqs):
             )
 
 
-def stated_freqs(names, called, in_headers=()):
-    """What a `Layout` has of frequencies, a dict: in all names or headers; both must agree."""
+def stated_freqs(names, called, headers=None):
+    """What a `Layout` has of frequencies, a dict: in all names, or headers of files; both must agree."""
+    in_headers = [freq_in_header(*pair) for pair in zip(headers or [{}] * len(names), names, strict=True)]
     stated = [freqs_in(name) for name in names]
     if all(len(freqs) == 1 for freqs in stated):
-        several = zip(stated, in_headers or [None] * len(names), names, strict=True)
+        several = zip(stated, in_headers, names, strict=True)
         freqs = [agreed(*in_name, in_header, name) for in_name, in_header, name in several]
         return {"freqs": np.array(freqs), "freqs_from": called}
-    if in_headers and None not in in_headers:
+    if None not in in_headers:
         return {"freqs": np.array(in_headers), "freqs_from": "FREQ in the headers"}
     return {}

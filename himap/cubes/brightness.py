@@ -88,13 +88,12 @@ def by_brightness(cleaned, transfer, corrected):
         mocks, residual = transfer.powers[..., 1:][..., inside].mean(axis=-1), own[:, inside].mean(axis=-1)
         foreground, total = (np.mean(each[inside]) for each in (one.foreground, one.residual))
         ratios = _shape(residual) / _shape(mocks.mean(axis=0)) * total / (total - foreground)
-        without, errors = float(parts.without(ratios)), [np.nan]
+        without, error, chance = float(parts.without(ratios)), np.nan, np.nan
         if n_mocks > 1:
             others = (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
             line = sigma(parts.without(_shape(mocks) / _shape(others)) - 1)
-            errors = [line, *one.errors_in(inside)[:2]]
-        error = float(np.linalg.norm(errors))
-        chance = float(chance_of(abs(without - 1) / error, n_mocks)) if n_mocks > 1 else np.nan
+            error = float(np.linalg.norm([line, *one.errors_in(inside)[:2]]))
+            chance = float(chance_of(abs(without - 1) / error, n_mocks))
         power[name] = Band(ratios=ratios, without=without, error=error, chance=chance)
     return power
 

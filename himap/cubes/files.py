@@ -86,13 +86,12 @@ def read_cube(
     names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}
     with reading(path):
         maps, layout = read_file(path, **names, axes=axes)
-        layout = completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order, frame=frame)
+        layout = _completed(path, len(maps), layout, freqs=freqs, unit=unit, order=order, frame=frame)
         if not layout.pixels.whole_sky and axes is None:
             layout = layout.noted(*remark_on_axes(maps, layout.pixels))
         if weighed or (scattered and are_scattered(np.array([*map(is_seen, maps)]))):
             check_cube_room(path, maps.size, 0, weighed=True)
-            options = {"weights": weights, "flags": flags, "rotate": rotate}
-            voxels, layout = voxel_weights(maps.shape, layout, **options)
+            voxels, layout = voxel_weights(maps.shape, layout, weights=weights, flags=flags, rotate=rotate)
         return make_cube(maps, layout, weights=voxels)
 
 
@@ -113,7 +112,7 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
         pixels = layout.pixels
         stated = {"freqs": layout.freqs, "unit": layout.unit, "order": pixels.nested, "frame": pixels.frame}
         unsaid = {name: value for name, value in given.items() if stated.get(name) is None}
-        truth = make_cube(maps, completed(path, len(maps), layout, **unsaid))
+        truth = make_cube(maps, _completed(path, len(maps), layout, **unsaid))
     return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
 
 
@@ -153,8 +152,7 @@ def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
     path = Path(path) if is_folder else regular_file(path)
     form = "FITS" if is_folder else format_of(path)
     if form == "HDF5":
-        names = {"maps_name": maps_name, "freqs_name": freqs_name}
-        return hdf5.read_hdf5(path, **names, axes=axes, aside=aside)
+        return hdf5.read_hdf5(path, maps_name=maps_name, freqs_name=freqs_name, axes=axes, aside=aside)
     if form is None:
         raise InputError(
             f"{path}: a cube is HDF5, FITS or .npy, or a folder of FITS files, one for each channel; by its "
@@ -179,13 +177,10 @@ def read_npy(path, axes=None):
     return maps, Layout.of_sphere(maps, remarks=remarks)
 
 
-def completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, frame=None):
+def _completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, frame=None):
     """The `Layout` of a file with what the caller gives of frequencies, unit, order and frame (`read_cube`).
 
-    Raises
-    ------
-    InputError
-        What is given contradicts the file, or neither says what is needed.
+    An InputError where what is given contradicts the file, or neither says what is needed.
     """
     layout = _with_freqs(path, n_channels, layout, freqs)
     if layout.pixels.whole_sky:

@@ -17,11 +17,11 @@ from astropy.utils.exceptions import AstropyWarning
 
 from himap.core.errors import InputError
 from himap.core.reading import reading
-from himap.cubes.axes import check_world_axes, fits_in, stated_freqs, turn_of
+from himap.cubes.axes import fits_in, stated_freqs, turn_of
 from himap.cubes.images import ImagePart, ImagePixels, image_name, world_of
 from himap.cubes.layout import HELD, STRUCTURE, Layout, check_cube_room, only_value, plain_pairs
 from himap.maps.frames import spectral_frame_of
-from himap.maps.healpix_io import card_text, freq_in_header, read_maps
+from himap.maps.healpix_io import card_text, read_maps
 
 _STOKES = {  # names of the three columns of one polarised map: of healpy, and so of PySM; of CRIME
     ("TEMPERATURE", "Q_POLARISATION", "U_POLARISATION"),
@@ -52,20 +52,15 @@ def read_fits(path, axes=None, *, logical=False):
     elif path.is_dir():
         maps, layout = _read_tables(path, paths)
     else:
-        maps, layout = _read_table(path, logical)
+        file = read_maps(path, held=HELD, logical=logical)
+        if file.names in _STOKES:
+            raise InputError(
+                f"{path} has the Stokes parameters of one map ({', '.join(file.names)}), not a channel in "
+                "each column: give a folder with a file for each channel, or name columns as channels are."
+            )
+        stated = stated_freqs(file.names, "the names of its columns")
+        maps, layout = file.maps, _layout(path, file.maps, [file], file.names, **stated)
     return maps, layout.noted(*left_out)
-
-
-def _read_table(path, logical):
-    """Maps and `Layout` of a file of HEALPix maps with a column for each channel."""
-    file = read_maps(path, held=HELD, logical=logical)
-    if file.names in _STOKES:
-        raise InputError(
-            f"{path} has the Stokes parameters of one map ({', '.join(file.names)}), and not a channel in "
-            "each column: give a folder with a file for each channel, or name the columns as channels are."
-        )
-    stated = stated_freqs(file.names, "the names of its columns")
-    return file.maps, _layout(path, file.maps, [file], file.names, **stated)
 
 
 def _layout(path, maps, files, labels, **stated):
@@ -102,8 +97,8 @@ def _read_tables(folder, paths):
         if not files:
             check_cube_room(folder, len(paths) * n_pix, file.maps.itemsize)
         files.append(replace(file, maps=file.maps.copy()))
-    in_headers = [freq_in_header(file.header, path) for file, path in zip(files, paths, strict=True)]
-    stated = {"names": tuple(names), **stated_freqs(names, "the names of its files", in_headers)}
+    headers = [file.header for file in files]
+    stated = {"names": tuple(names), **stated_freqs(names, "the names of its files", headers)}
     if n_polarised:
         stated["remarks"] = (f"Stokes Q and U in {n_polarised} of its files are left out.",)
     maps = np.concatenate([file.maps for file in files])
@@ -130,12 +125,11 @@ def _read_images(paths, axes):
     for path in paths:
         with _opened(path) as file:
             parts += _parts(path, file, axes=axes, remarks=remarks, alone=len(paths) == 1)
-    pixels = _pixels_of(parts)
-    where, names = paths[0].parent if len(paths) > 1 else paths[0], [*map(str, parts)]
-    units = [card_text(part.header, "BUNIT") for part in parts]
+    pixels, where = _pixels_of(parts), paths[0].parent if len(paths) > 1 else paths[0]
+    same = partial(only_value, where, names=[*map(str, parts)])
+    unit = same("unit", [card_text(part.header, "BUNIT") for part in parts])
+    frame = same("spectral frame", [spectral_frame_of(part.header.get("SPECSYS")) for part in parts])
     ends = np.cumsum([part.n_channels for part in parts])
-    frames = [spectral_frame_of(part.header.get("SPECSYS")) for part in parts]
-    frame = only_value(where, "spectral frame", frames, names)
     dtype = np.result_type(np.float32, *(fits.BITPIX2DTYPE[part.header["BITPIX"]] for part in parts))
     n_pix = int(np.prod(pixels.shape))
     check_cube_room(where, ends[-1] * n_pix, dtype.itemsize)
@@ -143,15 +137,13 @@ def _read_images(paths, axes):
     for part, out in zip(parts, np.split(maps, ends[:-1]), strict=True):
         with _opened(part.path) as file:
             out[:] = part.read(file)
-    stated = {"unit": only_value(where, "unit", units, names), "remarks": tuple(remarks)}
-    stated["about"] = {"SPECSYS": frame} if frame else {}
+    stated = {"unit": unit, "remarks": tuple(remarks), "about": {"SPECSYS": frame} if frame else {}}
     if parts[0].freqs is not None:
         stated["freqs"] = np.concatenate([part.freqs for part in parts])
         stated["freqs_from"] = "the axis FREQ" + " of each image" * (len(parts) > 1)
     elif len(parts) > 1 and len({part.path for part in parts}) == ends[-1]:  # a file for each channel
-        files = [part.path.name for part in parts]
-        in_headers = [freq_in_header(part.header, part.path) for part in parts]
-        stated |= {"names": tuple(files), **stated_freqs(files, "the names of its files", in_headers)}
+        files, headers = [part.path.name for part in parts], [part.header for part in parts]
+        stated |= {"names": tuple(files), **stated_freqs(files, "the names of its files", headers)}
     return maps, Layout(pixels=pixels, **stated)
 
 
@@ -205,10 +197,16 @@ def pixels_of_headers(path, headers):
 
 def _part(path, index, header, shape, wcs, axes=None):
     name = image_name(path, index, header)
-    if axes is None:
-        check_world_axes(header, shape, name)
-    n_axes = max(wcs.naxis, len(shape), 3)
+    n_axes, n_world = max(wcs.naxis, 3), header.get("WCSAXES")
     stored = (1,) * (n_axes - len(shape)) + tuple(shape)
+    if axes is None and isinstance(n_world, int) and max(stored[: n_axes - n_world], default=1) > 1:
+        raise InputError(
+            f"{name}: its header is of {n_world} axes (WCSAXES) and its array of {len(shape)}, "
+            f"{' x '.join(map(str, shape[::-1]))} as FITS counts: which axis is which is not known. Write it "
+            "with a header of three axes, transposed to (channel, Dec, RA) in numpy, or give its axes in the "
+            "order of numpy: --axes ra,dec,freq or dec,ra,freq where channels are last, freq,dec,ra or "
+            "freq,ra,dec where they are first."
+        )
     spectral, has_freqs = _spectral_axis(wcs, header, stored, axes, name)
     turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral})
     shape = tuple(stored[axis] for axis in turn)
@@ -266,7 +264,7 @@ def _check_axes(wcs, shape, spectral, name):
     for axis in set(range(len(shape))) - celestial - {spectral}:
         length = shape[len(shape) - 1 - axis]
         if length > 1:
-            text = (axis < wcs.naxis and wcs.wcs.ctype[axis]) or f"axis {axis + 1}"
+            text = wcs.wcs.ctype[axis] or f"axis {axis + 1}"
             raise InputError(
                 f"{name} has {length} values along {text}, and a cube is of one: take one out, for Stokes I "
                 "the first, and write it to a file of its own."

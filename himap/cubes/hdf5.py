@@ -58,7 +58,7 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
 
 def _read_images(file, name):
     """The maps and `Layout` of images, as `himap.cubes.writing` writes them, in an open file."""
-    headers = [access.decoded(text) for text in file.items[HEADERS][...]]
+    headers = [access.plain(text) for text in file.items[HEADERS][...]]
     pixels = pixels_of_headers(file.path, headers)
     n_channels = sum(part.n_channels for part in pixels.parts)
     shape = (n_channels, *pixels.shape)
@@ -105,8 +105,8 @@ def _freqs_of(file, name, n_channels):
             f"{file.path} must have a dataset {name} of {n_channels} frequencies; it has {file.listing()}."
         )
     for dataset in (dataset for dataset, n in lines.items() if n == n_channels):
-        unit = access.text_of(file.arrays[dataset], *access.UNITS)
-        unit = unit or _IN_UNIT.get(access.last_part(dataset), "MHz")
+        usual = _IN_UNIT.get(access.last_part(dataset), "MHz")
+        unit = str(access.attributes_of(file.arrays[dataset]).get("unit", usual))
         try:
             factor = float(u.Unit(unit).to(u.MHz))
         except (ValueError, TypeError, RecursionError, u.UnitConversionError):
@@ -131,9 +131,9 @@ def _container_axes(file, maps):
     for name in (_MAP_POLS, _MAP_FREQS):
         if name not in file.items:
             raise InputError(f"{path} has {_MAP} (freq, pol, pixel), but no {name} in its own file.")
-    axes = [access.decoded(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
+    axes = [access.plain(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
     names, freqs = (file.values(file.get(name)) for name in (_MAP_POLS, _MAP_FREQS))
-    names = [access.decoded(name) for name in names.ravel()]
+    names = [str(access.plain(name)) for name in names.ravel()]
     freqs = freqs["centre"] if "centre" in (freqs.dtype.names or ()) else freqs
     is_right = axes == _MAP_AXES and sphere.is_n_pix(n_pix) and len(names) == n_pols
     if not (is_right and freqs.shape == (n_channels,) and freqs.dtype.kind in "fiu"):

@@ -14,20 +14,23 @@ _PACKING = {"_FillValue": 1, "missing_value": None, "scale_factor": 1, "add_offs
 _PACKING |= {"valid_min": 1, "valid_max": 1, "valid_range": 2}  # of netCDF, how many numbers; None for any
 _SCALE = ("scale_factor", "add_offset")
 
-UNITS = ("unit", "bunit")
-"""Attributes with a unit; the names of others follow."""
-
 LISTED = 20
 """Datasets in a message."""
 
-_ORDERS, _NESTED = ("order", "ordering", "healpix_order", "indexing_scheme"), ("nest", "nested")
-_NSIDES, _PIXELS = ("nside", "healpix_nside"), {"pix", "pixel", "pixels", "ipix", "cell", "healpix_index"}
-_FRAMES = ("coordsys", "coord", "frame", "coordinate_frame", "coordinate_system")
-_SPECTRAL = ("specsys", "spectral_frame")
+_NAMES = {  # of attributes, in small letters and also with an s, and what they say
+    **dict.fromkeys(("unit", "bunit"), "unit"),
+    **dict.fromkeys(("order", "ordering", "healpix_order", "indexing_scheme"), "order"),
+    **dict.fromkeys(("nest", "nested"), "nested"),
+    **dict.fromkeys(("nside", "healpix_nside"), "nside"),
+    **dict.fromkeys(("coordsys", "coord", "frame", "coordinate_frame", "coordinate_system"), "frame"),
+    **dict.fromkeys(("specsys", "spectral_frame"), "SPECSYS"),
+    "equinox": "equinox",
+}
+_PIXELS = {"pix", "pixel", "pixels", "ipix", "cell", "healpix_index"}
 _STRUCTURE = {"class", "name", "axis", "grid_mapping", "_unsigned", "_netcdf4dimid"}  # of the file alone
-_STRUCTURE |= {*UNITS, *_ORDERS, *_NESTED, *_NSIDES, *_FRAMES, *_SPECTRAL, *map(str.lower, _PACKING)}
+_STRUCTURE |= {*_NAMES.values(), *map(str.lower, _PACKING)}
 _MASKS = {"mask", "masks", "flag", "flags"}
-_WRITTEN = ["foreground", "residual"]  # the maps of a cleaned cube
+_WRITTEN = {"foreground", "residual"}  # the maps of a cleaned cube
 _DEEPEST, _MOST = 32, 10_000  # groups in groups, and items: beyond, a file is made to keep readers busy
 
 
@@ -117,9 +120,9 @@ class Datasets:
         if name is not None:
             self.get(name, "--maps")
             fitting = [each for each in fitting if each == name]
-        elif "himap" in self.file.attrs and {*_WRITTEN} <= {*fitting}:  # and mixing, of 12 nside^2 channels
+        elif "himap" in self.file.attrs and {*fitting} >= _WRITTEN:  # and mixing, of 12 nside^2 channels
             self.remarks.append("the residual of a cleaned cube is read, and not its foreground (--maps).")
-            fitting = _WRITTEN[1:]
+            fitting = ["residual"]
         if len(fitting) == 1:
             return self.get(fitting[0])
         more = ", ..." if len(fitting) > LISTED else ""
@@ -147,8 +150,8 @@ class Datasets:
                 "the pixels that are not to be seen NaN in the maps, or write it as a FITS map of 1 where "
                 f"kept for --mask, and delete the dataset (del file[{name!r}])."
             )
-        nside = self.text(*_NSIDES, of=item)
-        if nside not in (None, f"{pixels.nside}", f"{pixels.nside}.0"):
+        nside = self.attributes(item).get("nside", pixels.nside)
+        if str(nside) not in (f"{pixels.nside}", f"{pixels.nside}.0"):
             raise InputError(f"{self.path} says nside {nside}, and {item.name[1:]} has {pixels}.")
         for name, one in self.arrays.items():
             numbers = one.shape == pixels.shape and last_part(name) in _PIXELS
@@ -158,36 +161,29 @@ class Datasets:
                     "pixels from 0 on, and delete that dataset."
                 )
 
-    def text(self, *names, of):
-        """The text of the attribute of one of these names, of a dataset, a group it is in or the file."""
-        return next(filter(None, (text_of(place, *names) for place in self._places(of))), None)
-
-    def _places(self, item):
-        """A dataset, what netCDF names as its grid mapping, and the groups it is in, the file last."""
-        parents = item.name.split("/")[1:-1]
-        groups = ["/".join(parents[:n]) for n in range(len(parents), 0, -1)]
-        mapping = text_of(item, "grid_mapping")
-        named = [self.items.get(f"{group}/{mapping}".strip("/")) for group in (*groups, "")]
-        return [item, *filter(None, named), *(self.file[group] for group in groups), self.file]
+    def attributes(self, item):
+        """As of `attributes_of`, of a dataset, its grid mapping in netCDF, its groups and the file."""
+        said, place, mapping = attributes_of(item), item, plain(item.attrs.get("grid_mapping"))
+        while place.name != "/":
+            place = place.parent
+            named = self.items.get(f"{place.name}/{mapping}".lstrip("/"))
+            for one in filter(None, (named, place)):
+                said = attributes_of(one) | said
+        return said
 
     def stated(self, item):
         """What the attributes of a dataset, and around it, say of it, for `Layout.of_sphere`, a dict."""
-        pairs = {}
-        for place in reversed(self._places(item)):  # what is closer to the dataset counts
-            for name in place.attrs:
-                with suppress(TypeError, OSError):  # a type that numpy does not have
-                    pairs[name] = _plain(place.attrs[name])
-        about, spectral_frame = plain_pairs(pairs, _STRUCTURE), self.text(*_SPECTRAL, of=item)
-        about |= {"SPECSYS": spectral_frame} if spectral_frame else {}
+        said = self.attributes(item)
+        texts = {what: str(said[what]) for what in _NAMES.values() if what in said}
+        about = plain_pairs(said | texts, _STRUCTURE)
         name = f"the frame of coordinates (an attribute of {self.path})"
-        frame = frame_of(self.text(*_FRAMES, of=item), self.text("equinox", "EQUINOX", of=item), name)
-        order, nested = self.text(*_ORDERS, of=item), self.text(*_NESTED, of=item)
+        frame = frame_of(texts.get("frame"), texts.get("equinox"), name)
+        order, nested = texts.get("order"), texts.get("nested")
         words = {"True": "NESTED", "1": "NESTED", "False": "RING", "0": "RING"}
         orders = {is_nested(word) for word in (order, words.get(nested, nested)) if word is not None}
         if len(orders) > 1:
             raise InputError(f"{self.path} says two orders of pixels, {order} and {nested}; delete one.")
-        nested = next(iter(orders), None)
-        return {"unit": self.text(*UNITS, of=item), "about": about, "nested": nested, "frame": frame}
+        return {"unit": texts.get("unit"), "about": about, "nested": next(iter(orders), None), "frame": frame}
 
     def values(self, item, part=..., *, fill=False):
         """(A part of) a dataset by the conventions of netCDF: NaN where missing, scaled, with an offset.
@@ -215,7 +211,7 @@ class Datasets:
         defined = item.id.get_create_plist().fill_value_defined()
         if fill and defined == h5py.h5d.FILL_VALUE_USER_DEFINED and item.fillvalue:
             numbers.setdefault("_FillValue", np.ravel(item.fillvalue))
-        if str(self.text("_unsigned", of=item)).lower() == "true" and stored.dtype.kind == "i":
+        if str(plain(item.attrs.get("_Unsigned"))).lower() == "true" and stored.dtype.kind == "i":
             stored = stored.view(f"{stored.dtype.byteorder}u{stored.dtype.itemsize}")
         if not numbers:
             return stored
@@ -235,31 +231,30 @@ def last_part(name):
     return name.rpartition("/")[2].lower()
 
 
-def text_of(item, *names):
-    """The text of the attribute of one of these names, with an s or without, or None.
+def attributes_of(place):
+    """{what: value} of the attributes of a dataset or group that say something; by `_NAMES`, or their own.
 
     Raises
     ------
     InputError
-        Several are there, and say different things.
+        Several of one meaning are there, and say different things.
     """
-    texts = {
-        name: decoded(item.attrs[name])
-        for name in item.attrs
-        if {name.lower(), name.lower().removesuffix("s")} & {*names}
-    }
-    if len(set(texts.values())) > 1:
-        both = ", ".join(f"{name} = {text!r}" for name, text in texts.items())
-        raise InputError(f"attributes of {item.name} say different things: {both}. Delete what is wrong.")
-    return next(iter(texts.values()), None)
+    said, spelled = {}, {}
+    for name in place.attrs:
+        what = _NAMES.get(name.lower()) or _NAMES.get(name.lower().removesuffix("s")) or name
+        with suppress(TypeError, OSError):  # a type that numpy does not have
+            value = plain(place.attrs[name])
+            if str(said.get(what, value)) != str(value):
+                both = f"{spelled[what]} = {str(said[what])!r}, {name} = {str(value)!r}"
+                raise InputError(
+                    f"attributes of {place.name} say different things: {both}. Delete what is wrong."
+                )
+            if str(value):
+                said[what], spelled[what] = value, name
+    return said
 
 
-def decoded(value):
-    """A value, or an array of one, as text."""
-    return str(_plain(value))
-
-
-def _plain(value):
+def plain(value):
     """A value, or that of an array of one, as Python has it; bytes as text, by UTF-8 or else Latin-1."""
     value = value.item() if getattr(value, "size", None) == 1 else value
     try:

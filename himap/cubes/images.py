@@ -166,10 +166,9 @@ class ImagePixels:
     def in_hdf5(self, layout):
         """As of `SpherePixels`; the datasets have the header of each image, as FITS would have it."""
         empty = np.broadcast_to(np.float32(0), (len(layout.freqs), *self.shape))
-        headers = [hdu.header for hdu in self._hdus(empty, layout, fits.PrimaryHDU)]
+        headers = [hdu.header.tostring() for hdu in self._hdus(empty, layout, fits.PrimaryHDU)]
         axes = "frequency, then those of the sky as in numpy"
-        attributes = {"axes": axes, "wcs": self.celestial.to_header_string()}
-        return attributes, {HEADERS: [header.tostring() for header in headers]}
+        return {"axes": axes, "wcs": self.celestial.to_header_string()}, {HEADERS: headers}
 
     def write(self, path, maps, layout, *, name, cards):
         first = [fits.PrimaryHDU()] if len(self.parts) > 1 else []

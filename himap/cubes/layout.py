@@ -9,7 +9,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.memory import PROCESS, check_room
 from himap.maps import sphere
-from himap.maps.frames import FRAMES, frame_name, spectral_frame_of
+from himap.maps.frames import FRAMES, frame_cards, frame_name, spectral_frame_of
 from himap.maps.healpix_io import MILLIKELVIN, write_maps
 
 OURS = ("method", "parameters", "himap", "restart", "restarts", "failed", "remarks", "axes", "wcs")
@@ -78,7 +78,7 @@ class SpherePixels:
 
     def in_hdf5(self, layout):
         """What HDF5 keeps of them, attributes {name: text}, and datasets {name: texts}."""
-        return {"ordering": self.order} | ({"coordsys": self.frame} if self.frame else {}), {}
+        return {"ordering": self.order} | {key.lower(): value for key, value in frame_cards(self.frame)}, {}
 
     def write(self, path, maps, layout, *, name, cards):
         """Write maps of `Layout.as_given` as FITS; `name` says what they are, `cards` go into the header."""

@@ -91,12 +91,9 @@ def _values(given, word, layout, shape, rotate):
             f"{label} must be{' one map' * (word == 'mask')} of the pixels of the cube, ({shape[1]},)"
             f"{voxels * (word != 'mask')}; got {values.shape}. healpy.ud_grade changes nside."
         )
-    n_bad = 0
-    for row in values:
-        is_right = (row >= 0) & np.isfinite(row) if word == "weights" else (row == 0) | (row == 1)
-        n_bad += np.count_nonzero(~is_right)
-    if n_bad:
-        raise InputError(f"{label} must be {_RIGHT[word]}; {n_bad} are not.")
+    is_right = (values >= 0) & np.isfinite(values) if word == "weights" else np.isin(values, (0, 1))
+    if not is_right.all():
+        raise InputError(f"{label} must be {_RIGHT[word]}; {np.count_nonzero(~is_right)} are not.")
     if len(values) > 1 and theirs.freqs is not None and not same_freqs(theirs.freqs, layout.freqs).all():
         raise InputError(f"{label} must have the channels of the cube in the order of its own file.")
     frame = theirs.pixels.frame
