@@ -273,13 +273,12 @@ def read_freqs(path):
     numbers = read_numbers(regular_file(path, "file of frequencies"))
     if numbers.ndim == 1 or 1 in numbers.shape:
         return numbers.ravel(), str(path)
-    is_table = numbers.ndim == 2 and numbers.shape[1] in (2, 3, 5)
-    is_numbered = is_table and numbers.shape[1] > 2
-    if is_table and (not is_numbered or np.array_equal(numbers[:, 0], np.arange(1, len(numbers) + 1))):
-        lower, upper = numbers[:, is_numbered:][:, :2].T
+    if numbers.ndim == 2 and numbers.shape[1] in (2, 3, 5):
+        *first, lower, upper = numbers.T[: min(numbers.shape[1], 3)]
+        is_right = not first or np.array_equal(*first, np.arange(1, len(numbers) + 1))
         both = ((lower, upper), (upper, lower))  # edges that two channels share, upwards or downwards
         adjoin = any(same_freqs(end[:-1], start[1:]).all() for start, end in both)
-        if adjoin and (lower > 0).all() and (lower < upper).all():
+        if is_right and adjoin and (lower > 0).all() and (lower < upper).all():
             return (lower + upper) / 2, f"the edges of channels in {path}"
     raise InputError(
         f"{path} must have one frequency a line, the centre of a channel in MHz, or the edges of "

@@ -6,7 +6,7 @@ file or in a folder, are the channels of one cube if they share the axes of the 
 """
 
 import warnings
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 
@@ -107,11 +107,9 @@ def _read_tables(folder, paths):
 
 def _holds_image(path):
     """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read."""
-    try:
-        with _quiet(), fits.open(path, **_AS_STORED) as file:
-            return isinstance(next(hdu for hdu in file if not isinstance(hdu, _IMAGES) or hdu.shape), _IMAGES)
-    except Exception:  # astropy raises nearly anything for a file that is damaged; its reader says it
-        return False
+    with suppress(InputError), _opened(path) as file:  # what is wrong with it its reader says
+        return isinstance(next(hdu for hdu in file if not isinstance(hdu, _IMAGES) or hdu.shape), _IMAGES)
+    return False
 
 
 def _quiet():
