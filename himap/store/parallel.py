@@ -8,6 +8,7 @@ import threading
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache as cache_calls
 from unittest.mock import patch
 
@@ -62,8 +63,8 @@ def check_scheduler():
         There is none.
     """
     if dask_address():
-        with _silent_client():
-            _client(_CHECK).close()
+        with _client(_CHECK):
+            pass
 
 
 def make_all(work, description, *, at_once=None):
@@ -143,8 +144,12 @@ def _end_with(asking):
     threading.Thread(target=watch, daemon=True).start()
 
 
+@contextmanager
 def _client(seconds):
-    """A `distributed.Client` of the scheduler at `dask_address()`, which has so many seconds to answer."""
+    """A `distributed.Client` of the scheduler at `dask_address()`, which has so many seconds to answer.
+
+    It logs no errors: they become ours.
+    """
     try:
         from distributed import Client, Security
         from distributed.comm import connect
@@ -157,26 +162,28 @@ def _client(seconds):
         comm = await asyncio.wait_for(connect(address, timeout=seconds, **options), seconds)
         await comm.close()
 
-    try:
-        with ThreadPoolExecutor(1) as thread:  # in a notebook this one has an event loop that runs
-            thread.submit(asyncio.run, greet()).result()
-        return Client(address, timeout=seconds)
-    except Exception as error:  # what answers there may be no scheduler, and say anything
-        said = str(error) or f"no answer to a greeting in {seconds:g} s"
-        raise InputError(
-            f"there is no Dask scheduler at {address} ({said}); start one with `dask scheduler` and give "
-            "the address that it prints, such as tcp://host:8786."
-        ) from None
+    with patch.object(logging.getLogger("distributed.client"), "disabled", True):
+        try:
+            with ThreadPoolExecutor(1) as thread:  # in a notebook this one has an event loop that runs
+                thread.submit(asyncio.run, greet()).result()
+            client = Client(address, timeout=seconds)
+        except Exception as error:  # what answers there may be no scheduler, and say anything
+            said = str(error) or f"no answer to a greeting in {seconds:g} s"
+            raise InputError(
+                f"there is no Dask scheduler at {address} ({said}); start one with `dask scheduler` and give "
+                "the address that it prints, such as tcp://host:8786."
+            ) from None
+        with client:
+            yield client
 
 
 def _on_cluster(missing):
     """What `_make` returns of each piece of work as it is done; what a dead worker had goes to another."""
-    address, client = dask_address(), _client(_CONNECT)
-    from distributed import KilledWorker, as_completed
-
-    settings = _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
+    address, settings = dask_address(), _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
     settings.pop(DASK_VARIABLE)
-    with client, _silent_client():
+    with _client(_CONNECT) as client:
+        from distributed import KilledWorker, as_completed
+
         futures = {client.submit(_make, *one, settings, pure=False, retries=_RETRIES): one for one in missing}
         for future in as_completed(futures):
             if future.cancelled():
@@ -197,11 +204,6 @@ def _on_cluster(missing):
             f"the workers of {address} do not share the cache folder {settings['HIMAP_CACHE']}, or run other "
             "code: set HIMAP_CACHE to a folder that all machines see, and install one himap on all of them."
         )
-
-
-def _silent_client():
-    """A context without what the client logs of errors that become ours."""
-    return patch.object(logging.getLogger("distributed.client"), "disabled", True)
 
 
 def _settings():

@@ -144,9 +144,9 @@ class Product:
         except TypeError as error:
             raise InputError(f"{self.name}{self._signature} was called otherwise: {error}.") from None
         bound.apply_defaults()
-        code = frozenset({self._function, *_classes(bound.arguments)})
-        text = f"{code_digest(code)} {describe(bound.arguments)}"
-        return bound, sha256(text.encode()).hexdigest()[:32], is_current(code)
+        loaded, now = code_digests(frozenset({self._function, *_classes(bound.arguments)}))
+        text = f"{loaded} {describe(bound.arguments)}"
+        return bound, sha256(text.encode()).hexdigest()[:32], loaded == now
 
 
 def describe(value):
@@ -190,10 +190,11 @@ def _classes(value):
     return []
 
 
-def code_digest(objects):
-    """One digest of the fingerprints of functions, classes and modules, a frozenset, but for their looks.
+def code_digests(objects):
+    """Two digests of the fingerprints of functions, classes and modules, a frozenset, but for their looks.
 
-    As this process loaded them.
+    One as this process loaded them and one as they are on disk, of which only the files are read again whose
+    times or sizes have changed.
 
     Raises
     ------
@@ -201,16 +202,8 @@ def code_digest(objects):
         One is not defined at the top level of a source file (a lambda, a nested function, or something
         typed into a notebook).
     """
-    return _digest(objects, accepted_version(), frozenset())
-
-
-def is_current(objects):
-    """Whether the code of functions, classes or modules on disk is, but for words, what this process loaded.
-
-    It looks at the times and sizes of files, and reads again only those that have changed.
-    """
-    edited = frozenset(sources.edited().items())
-    return not edited or _digest(objects, accepted_version(), edited) == code_digest(objects)
+    states = frozenset(), frozenset(sources.edited().items())
+    return tuple(_digest(objects, accepted_version(), edited) for edited in states)
 
 
 def tree_of(obj, **options):
@@ -221,9 +214,8 @@ def tree_of(obj, **options):
 @lru_cache(maxsize=1024)
 def place(obj):
     """(name of its package, root of that), name of its module, its own name; notes the source there now."""
-    is_module = inspect.ismodule(obj)
-    module = obj.__name__ if is_module else getattr(obj, "__module__", None)
-    name = None if is_module else getattr(obj, "__qualname__", "")
+    module = getattr(obj, "__module__", obj.__name__)
+    name = getattr(obj, "__qualname__", None)  # of a module: None
     file = getattr(sys.modules.get(module), "__file__", None)
     if file is None or (name is not None and not name.isidentifier()):
         raise InputError(
