@@ -60,8 +60,6 @@ def moved(stored, today, *, looks=False):
     looks
         Whether what only shows numbers counts too.
     """
-    if stored == today:
-        return []
     if not (isinstance(stored, dict) and isinstance(today, dict)):
         return ["code"]
     names = [*stored, *(name for name in today if name.startswith("./") and name not in stored)]
@@ -94,7 +92,7 @@ class CodeTree:
     accepted
         {digest of a definition: the one that it counts as}; default: `accepted_digests`.
     former
-        {place of a definition (see `digests`): former digest that it is to count as}; what follows is
+        {place of a definition (see `parts_of`): former digest that it is to count as}; what follows is
         in the attribute `accepts`, a dict as `accepted`.
     formers
         All former digests, of which none is accepted for another; those of `former` unless given.
@@ -130,22 +128,17 @@ class CodeTree:
         code, look, *_ = self._summary(root)
         return {"code": code, "look": look} | dict(sorted(named.items()))
 
-    def digests(self, module):
-        """{fixed name: {place: digest}} of the definitions behind every product and named class of a module.
+    def parts_of(self, module):
+        """{fixed name: (those that its own code names, {place: digest} of the definitions behind it)}.
 
-        The place is ``module:name``, or the fixed name.
+        Of every product and named class of a module. The place is ``module:name``, or the fixed name.
         """
-        parts = self._parts((_CELLS, (f"import {module}",)))
-        parts = {self._fixed_name(part): self._summary(part) for part in parts}
-        return {
-            name: {self._at(unit): self._digests[unit] for unit in part.reached if unit[0] in self._files}
-            for name, part in parts.items()
-        }
-
-    def used_by(self, module):
-        """{fixed name: those that its own code names} of every product and named class of a module."""
-        parts = self._parts((_CELLS, (f"import {module}",)))
-        return {self._fixed_name(one): {*map(self._fixed_name, self._summary(one).parts)} for one in parts}
+        parts = {}
+        for part in self._parts((_CELLS, (f"import {module}",))):
+            own = self._summary(part)
+            places = {self._at(unit): self._digests[unit] for unit in own.reached if unit[0] in self._files}
+            parts[self._fixed_name(part)] = {*map(self._fixed_name, own.parts)}, places
+        return parts
 
     def _at(self, unit):
         return self._fixed_name(unit) or f"{unit[0]}:{unit[1]}"
@@ -235,32 +228,34 @@ class CodeTree:
     def _unit(self, unit):
         module, name = unit
         if module == _CELLS:
-            code, part = parse_cells(name)
-            return _Unit(part.digest, self._targets(code, part, None))
+            code, (text, holes) = parse_cells(name)
+            return _Unit(text, self._targets(code, holes, None))
         if module not in self._files:
             return _Unit(f"{module}.{name or ''}")
         code, parts = self._read(module), module.split(".")
         before = [".".join(parts[:n]) for n in range(2, len(parts))] + [module]
         run = tuple((one, RUN) for one in before if one in self._files)
         if name == _FOLDER:
-            return _Unit(_FOLDER, others=(*self._inside(module), *run))
+            inside = [one for one in self._files if one.startswith(f"{module}.")]
+            units = [(one, defined) for one in inside for defined in self._read(one).index]
+            return _Unit(_FOLDER, others=(*sorted(filter(self._fixed_name, units)), *run))
         if name is None:
             names = sorted(one for one in code.index if one not in code.ignored)
             public = [one if code.defines(one) and one[0] != "_" else "" for one in names]
             targets = [(((module, one),), shown) for one, shown in zip(names, public, strict=True)]
             return _Unit("module", tuple(targets), run)
-        part = code.part(name)
-        return _Unit(part.digest, self._targets(code, part, module), run)
+        text, holes = code.part(name)
+        return _Unit(text, self._targets(code, holes, module), run)
 
     def _fixed_name(self, unit):
         module, name = unit
         is_ours = name and name not in (RUN, _FOLDER) and module != _CELLS and module in self._files
         return self._read(module).fixed_name(name) if is_ours else None
 
-    def _targets(self, code, part, module):
-        """What the holes of a part lead to: [(units, attribute of them that is used)]."""
+    def _targets(self, code, holes, module):
+        """What holes lead to: [(units, attribute of them that is used)]."""
         targets = []
-        for hole in part.holes:
+        for hole in holes:
             units, rest = [] if hole.nodes else [(module, _FOLDER)], None
             for node in hole.nodes:
                 named, is_attribute = [(module, hole.name)], False
@@ -300,12 +295,6 @@ class CodeTree:
             elif code.is_package and "__getattr__" in code.index:
                 units += self._offered(module, name)
         return units
-
-    def _inside(self, package):
-        """The classes with a fixed name in the folder of a package, and in those of its sub-packages."""
-        modules = [module for module in self._files if module.startswith(f"{package}.")]
-        units = [(module, name) for module in modules for name in self._read(module).index]
-        return sorted(unit for unit in units if self._fixed_name(unit))
 
     def _read(self, module):
         file = self._files[module]

@@ -5,7 +5,6 @@ import hashlib
 import os
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import NamedTuple
 
 from himap.store.syntax import (
     IMPORTS,
@@ -16,6 +15,7 @@ from himap.store.syntax import (
     called,
     is_text,
     names_bound,
+    names_in,
 )
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -42,13 +42,6 @@ LOOKS = {
 """Rooms and modules that only show numbers: figures, tables, captions, and the line under a figure."""
 
 _BLOCKS = (ast.If, ast.For, ast.While, ast.With, ast.Try, ast.TryStar, ast.Match)
-
-
-class Part(NamedTuple):
-    """One definition, or what a module does when it runs: digest of its text, and its holes in order."""
-
-    digest: str
-    holes: list[Hole]
 
 
 class Code:
@@ -116,19 +109,19 @@ class Code:
         return None
 
     def part(self, name):
-        """The `Part` called `name`, or what runs on import (`RUN`)."""
+        """The definition called `name`, or what runs on import (`RUN`): digest of its text, and its holes."""
         if name != RUN:
             return self._part([self.index[name]], {name}, name)
         nodes, names = self._loose, set()
         if self.is_package:  # it imports for what that does
-            used = self.cells([node for node in self._statements if not isinstance(node, IMPORTS)]).holes
+            _, used = self.cells([node for node in self._statements if not isinstance(node, IMPORTS)])
             nodes = nodes + [node for node in self._statements if isinstance(node, IMPORTS)]
             names = {n for n in self.index if not self.defines(n)}
             names -= self._offered | {hole.name for hole in used}
         return self._part([nodes], names, RUN)
 
     def cells(self, *cells):
-        """The `Part` of the statements of cells, of which bare strings and variables count too."""
+        """The same of the statements of cells, of which bare strings and variables count too."""
         return self._part(cells, (), None)
 
     def _part(self, cells, imported, own):
@@ -142,7 +135,7 @@ class Code:
                 names = {bound_name(alias) for alias in node.names}
                 names = names - used if own is None else names & set(imported)
                 writer.holes += [Hole([node], name, None) for name in sorted(names - self.ignored)]
-        return Part(digest_of(map(str, texts)) if any(texts) else "", writer.holes)
+        return digest_of(map(str, texts)) if any(texts) else "", writer.holes
 
 
 @lru_cache(maxsize=4096)
@@ -153,7 +146,7 @@ def parse(text, package, is_package, keeps_labels):
 
 @lru_cache(maxsize=256)
 def parse_cells(sources):
-    """The `Code` of the cells of a notebook, a tuple of texts, and the `Part` of all of it."""
+    """The `Code` of the cells of a notebook, a tuple of texts, and `Code.cells` of all of it."""
     cells = [cell for cell in map(_statements, sources) if cell]
     code = Code([node for cell in cells for node in cell])
     return code, code.cells(*cells)
@@ -168,18 +161,14 @@ def behind(*cells):
     *before, last = map(_statements, cells)
     rest = [node for nodes in before for node in nodes]
     changed = [_changed_by(node, node is not nodes[-1]) for nodes in before for node in nodes]
-    behind, names = set(), _names_in(last)
+    behind, names = set(), names_in(last)
     while new := {n for n, some in enumerate(changed) if n not in behind and some & names}:
         behind |= new
-        names |= _names_in(rest[n] for n in new)
+        names |= names_in(rest[n] for n in new)
     for node in rest:
         if isinstance(node, IMPORTS):
             node.names = [alias for alias in node.names if bound_name(alias) in names]
     return "\n".join(map(ast.unparse, [*(rest[n] for n in sorted(behind)), *last]))
-
-
-def _names_in(nodes):
-    return {one.id for node in nodes for one in ast.walk(node) if isinstance(one, ast.Name)}
 
 
 def _changed_by(node, is_hidden):
@@ -190,7 +179,7 @@ def _changed_by(node, is_hidden):
             base = one.value.func
             while isinstance(base, ast.Attribute | ast.Subscript | ast.Call):
                 base = base.func if isinstance(base, ast.Call) else base.value
-            changed |= _names_in([base]) if isinstance(one.value.func, ast.Attribute) else set()
+            changed |= names_in([base]) if isinstance(one.value.func, ast.Attribute) else set()
     return changed
 
 

@@ -164,11 +164,6 @@ class Writer:
 
     _ImportFrom = _Import
 
-    def _Global(self, node):
-        return f"Global({[self._name(name) for name in node.names]})"
-
-    _Nonlocal = _Global
-
     def _FunctionDef(self, node):
         decorators = [
             one
@@ -203,7 +198,7 @@ class Writer:
 
     def _comprehension_of(self, node):
         loops, first = node.generators, self.text(node.generators[0].iter)
-        names = {n.id: None for one in loops for n in ast.walk(one.target) if isinstance(n, ast.Name)}
+        names = dict.fromkeys(names_in(one.target for one in loops))
         heads = [(one.target, ast.Tuple(one.ifs), ast.Constant(one.is_async)) for one in loops]
         parts = [part for head in heads for part in head]
         made = [getattr(node, field) for field in ("key", "value", "elt") if hasattr(node, field)]
@@ -230,7 +225,7 @@ def _bound_in(body):
         elif isinstance(node, _COMPREHENSIONS):  # their variables are in a scope of their own
             todo += [child for child in ast.walk(node) if isinstance(child, ast.NamedExpr)]
         elif not isinstance(node, ast.Lambda):
-            is_stored = isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
+            is_stored = isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
             name = node.id if is_stored else getattr(node, "name", None) or getattr(node, "rest", None)
             if isinstance(name, str):
                 bound.setdefault(name)
@@ -242,18 +237,13 @@ def names_bound(node):
     """The names that a top-level statement defines, or changes in place."""
     if isinstance(node, DEFINITIONS):
         return {node.name}
-    if isinstance(node, IMPORTS):
-        return set(map(bound_name, node.names))
-    bound, loops = set(), [one.target for one in ast.walk(node) if isinstance(one, ast.comprehension)]
-    inner = {child for target in loops for child in ast.walk(target)}  # variables of comprehensions
-    for child in ast.walk(node):
-        is_place = isinstance(child, (ast.Name, ast.Subscript, ast.Attribute)) and child not in inner
-        if is_place and isinstance(child.ctx, ast.Store):  # TABLE[key] = value changes TABLE
-            inside = ast.walk(getattr(child, "value", child))
-            bound |= {n.id for n in inside if isinstance(n, ast.Name)}
-        elif isinstance(child, (*DEFINITIONS, *IMPORTS)):
-            bound |= names_bound(child)
-    return bound
+    places = [one for one in ast.walk(node) if isinstance(one, (ast.Subscript, ast.Attribute))]
+    # TABLE[key] = value changes TABLE
+    return names_in(one.value for one in places if isinstance(one.ctx, ast.Store)) | _bound_in([node]).keys()
+
+
+def names_in(nodes):
+    return {one.id for node in nodes for one in ast.walk(node) if isinstance(one, ast.Name)}
 
 
 def bound_name(alias):

@@ -12,6 +12,7 @@ import json
 import os
 import tempfile
 import warnings
+from collections import defaultdict
 from dataclasses import is_dataclass
 from hashlib import sha256
 from unittest.mock import patch
@@ -60,48 +61,50 @@ def verify(module, *, renew=False, report=print):
         raise InputError(
             f"there is no folder {fingerprint.ACCEPTED.parent}: verify code in a checkout of himap."
         )
-    calls, probes, others = module.CALLS, _stored_probes(), []
-    tree, names = tree_of(module), moved_names(module)
+    calls, probes, names = module.CALLS, _stored_probes(), moved_names(module)
     former = {name: one["code"] for name, one in probes["calls"].items()}
+    parts = defaultdict(lambda: (set(), {}), tree_of(module).parts_of(module.__name__))
     if not names:
         report("no product, method or beam changed")
+    others = []
     for name, (given, differing) in compared(module, names).items():
-        if differing:
-            others.append(name)
-        said = "; ".join(differing[:3]) or ("the stored numbers" if name in probes["calls"] else "new")
-        if renew or name not in probes["calls"]:
+        others += [name] * bool(differing)
+        said = "; ".join(differing[:3]) or ("the stored numbers" if name in former else "new")
+        if renew or name not in former:
             probes["calls"][name] = {"gives": given}
         report(f"{name}: {said}{', stored' if differing and renew else ''}")
-    used, agreeing = tree.used_by(module.__name__), {*names} - {*others}
-    users = [name for name in calls if name not in names and used.get(name, set()) & agreeing]
-    for name, (_, differing) in compared(module, users).items():
+    agreeing = {*names} - {*others}
+    uses = {name: parts[name][0] & agreeing for name in calls if name not in names}
+    # Where numbers are renewed, what uses them has other numbers too, and the same code.
+    rest = [name for name in uses if uses[name] or (renew and names)]
+    for name, (given, differing) in compared(module, rest).items():
         if differing:
-            others += [one for one in names if one in used[name] & agreeing and one not in others]
-            report(f"{name}: {'; '.join(differing[:3])}")
-    if renew and others:  # what uses them has other numbers, and the same code
-        rest = [name for name in calls if name not in names]
-        for name, (given, differing) in compared(module, rest).items():
-            if differing:
+            others += sorted(uses[name].difference(others))
+            if renew:
                 probes["calls"][name] = {"gives": given}
-                report(f"{name}: {'; '.join(differing[:3])}, stored")
-    behind = tree.digests(module.__name__)
-    refused = {place for name in others for place in behind.get(name, ())}
-    agreeing = {place: code for place, code in probes["places"].items() if place not in refused}
-    tree = tree_of(module, former=agreeing, formers=frozenset(probes["places"].values()))
+            report(f"{name}: {'; '.join(differing[:3])}{', stored' if renew else ''}")
+    _accept(module, probes, former, {name: parts[name][1] for name in others}, renew)
+    return others
+
+
+def _accept(module, probes, former, others, renew):
+    """Store what changed code counts as: its `former` code, but for `others`, {name: places behind it}."""
+    stored, refused = probes["places"], {place for places in others.values() for place in places}
+    agreeing = {place: code for place, code in stored.items() if place not in refused}
+    tree = tree_of(module, former=agreeing, formers=frozenset(stored.values()))
     codes, places = codes_of(tree, module), {}
-    for definitions in tree.digests(module.__name__).values():
+    for _, definitions in tree.parts_of(module.__name__).values():
         places |= definitions
     if not renew:
-        places |= {place: code for place, code in probes["places"].items() if place in refused}
+        places |= {place: stored[place] for place in refused & stored.keys()}
     # What moved to another module, or was split, has no former digest: all behind a product counts at once.
     agreeing = former.keys() & codes.keys() - {*others}
     accepts = {codes[name]: former[name] for name in agreeing if codes[name] != former[name]}
-    for name in calls.keys() - ([] if renew else others):
+    for name in module.CALLS.keys() - ([] if renew else others):
         probes["calls"][name]["code"] = accepts.get(codes[name], codes[name])
     _store(fingerprint.ACCEPTED, {**fingerprint.accepted_digests(), **tree.accepts, **accepts})
-    calls_now = {name: probes["calls"][name] for name in sorted(calls)}
+    calls_now = {name: probes["calls"][name] for name in sorted(module.CALLS)}
     _store(fingerprint.PROBES, {"calls": calls_now, "places": places})
-    return others
 
 
 def compared(module, names):
