@@ -53,10 +53,9 @@ def parse_size(text):
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?)B?\s*", text, flags=re.ASCII)
     size = float(match[1]) * _UNITS[match[2]] if match else 0
     if not 1 <= size <= _LARGEST:
-        shown = text if len(text) < 40 else f"{text[:40]}..."
         raise InputError(
             "a size of memory is a number with kB, MB, GB or TB, such as 16GB, and at most "
-            f"{_LARGEST / 1e12:g} TB; got {shown!r}."
+            f"{_LARGEST / 1e12:g} TB; got {text!r}."
         )
     return int(size)
 

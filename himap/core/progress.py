@@ -73,9 +73,6 @@ class _Lines:
         if line := text.strip():
             self._file.write(f"{line}\n")
 
-    def flush(self):
-        self._file.flush()
-
 
 class _Bar(tqdm):
     """A bar that no thread watches: tqdm's warns, now and then, when other bars begin and end as it looks."""
