@@ -9,7 +9,6 @@ A folder that others can write to is refused.
 
 import contextlib
 import json
-import os
 import re
 import shutil
 import sys
@@ -154,8 +153,8 @@ def save(product, key, value, *, arguments, seconds):
             files = {name: _checksum(part / name) for name in names}
             note = {"product": product, "arguments": arguments, "seconds": seconds, "files": files}
             (part / _NOTE).write_text(json.dumps(note, indent=1))
-            if os.path.lexists(folder) and not holds(product, key):  # the rest of one
-                _delete(folder)
+            if not holds(product, key):
+                _delete(folder)  # the rest of one
             try:
                 part.rename(folder)
                 _checked.update(_identity(folder / name) for name in names)
