@@ -10,7 +10,7 @@ import termios
 import pytest
 from conftest import run_python
 
-from himap.core.progress import TERMINAL_VARIABLE, progress, progress_lines
+from himap.core.progress import TERMINAL_VARIABLE, progress
 
 
 @pytest.fixture
@@ -48,12 +48,13 @@ def test_silent_without_a_terminal(capfd, monkeypatch, tmp_path):
 def test_lines_of_a_command_without_a_terminal(capfd, monkeypatch):
     """As in a log: no bar, and no character that goes back."""
     monkeypatch.setattr("himap.core.progress._EVERY", 0)
-    with progress_lines():
-        for _ in progress(range(3), "work"):
-            list(progress(range(2), "part"))
+    monkeypatch.setattr("himap.core.progress.in_lines", True)
+    for _ in progress(range(3), "work"):
+        list(progress(range(2), "part"))
     said = capfd.readouterr()
     assert said.out == "" and "work: 1 of 3, 00:00 passed" in said.err and "part: 1 of 2" in said.err
     assert "\r" not in said.err and "\x1b" not in said.err and "\n\n" not in said.err
+    monkeypatch.setattr("himap.core.progress.in_lines", False)
     assert list(progress(range(3), "work")) == [0, 1, 2]
     assert capfd.readouterr() == ("", "")
 

@@ -3,12 +3,10 @@
 A bar is drawn only where a person can watch it: on standard error if that is a terminal, or on the
 terminal named by the variable HIMAP_TERMINAL, which `himap run` sets for the kernels it starts. So
 the bar of a notebook's work shows in the terminal and never lands in the notebook. A command whose
-standard error is no terminal writes lines there (`progress_lines`).
+standard error is no terminal writes lines there (`in_lines`).
 """
 
 import atexit
-import contextlib
-import contextvars
 import os
 import sys
 from functools import lru_cache
@@ -21,17 +19,9 @@ TERMINAL_VARIABLE = "HIMAP_TERMINAL"
 _DELAY = 1.0  # s: what is done before needs no bar
 _EVERY = 10.0  # s between lines
 _LINE = "{desc}: {n_fmt} of {total_fmt}, {elapsed} passed, {remaining} remain"
-_in_lines = contextvars.ContextVar("in_lines", default=False)
 
-
-@contextlib.contextmanager
-def progress_lines():
-    """Within it, progress is a line every 10 s on standard error where no terminal shows a bar."""
-    token = _in_lines.set(True)
-    try:
-        yield
-    finally:
-        _in_lines.reset(token)
+in_lines = False
+"""Whether progress is a line every 10 s on standard error where no terminal shows a bar, as in a command."""
 
 
 def progress(iterable=None, description="", *, total=None):
@@ -57,7 +47,7 @@ def progress(iterable=None, description="", *, total=None):
     else:  # one line below the bar of the process that watches the notebook
         terminal, line = _open_terminal(os.environ.get(TERMINAL_VARIABLE, "")), 1
     options = {"delay": _DELAY, "position": line, "dynamic_ncols": True, "disable": terminal is None}
-    if terminal is None and sys.stderr is not None and _in_lines.get():
+    if terminal is None and sys.stderr is not None and in_lines:
         terminal = _Lines(sys.stderr)
         options = {"delay": _EVERY, "mininterval": _EVERY, "position": 0, "bar_format": _LINE}
     return _Bar(iterable, desc=description, total=total, file=terminal, leave=False, **options)

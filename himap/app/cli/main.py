@@ -39,6 +39,7 @@ _size_text = partial(tqdm.format_sizeof, suffix="B")
 
 @click.group(
     cls=Commands,
+    commands=[clean, measure, sensitivity, suggest, transfer],
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 @click.version_option(__version__, message="himap %(version)s")
@@ -49,10 +50,6 @@ def main():
     \b
     himap run 04_pca --preset laptop -p n_sources=4 -o pca.ipynb
     """
-
-
-for _command in (clean, measure, sensitivity, suggest, transfer):
-    main.add_command(_command)
 
 
 @main.command("list")

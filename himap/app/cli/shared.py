@@ -11,9 +11,9 @@ from click.shell_completion import CompletionItem
 
 from himap.app.notebooks import notebooks
 from himap.app.reproduce import NotebookError
+from himap.core import progress
 from himap.core.errors import InputError, shortened
 from himap.core.memory import LIMIT_VARIABLE, parse_size
-from himap.core.progress import progress_lines
 from himap.core.survey import PRESETS
 from himap.store.parallel import DASK_VARIABLE, JOBS_VARIABLE, check_scheduler
 
@@ -30,7 +30,7 @@ class Commands(click.Group):
 
     def invoke(self, context):
         try:
-            with patch.dict(os.environ, _FOR_CHILDREN), progress_lines():
+            with patch.dict(os.environ, _FOR_CHILDREN), patch.object(progress, "in_lines", True):
                 return super().invoke(context)
         except (InputError, NotebookError, ModuleNotFoundError) as error:
             name = (getattr(error, "name", None) or "").partition(".")[0]
