@@ -38,9 +38,9 @@ PROBES = ACCEPTED.with_name("probes.json")
 _FOLDER, _CELLS = "__path__", "<cells>"
 
 
-def accepted_digests():
-    """What `ACCEPTED` holds; nothing where there is no checkout."""
-    return json.loads(ACCEPTED.read_text(encoding="utf-8")) if ACCEPTED.is_file() else {}
+def stored_dict(path):
+    """What `ACCEPTED` or `PROBES` holds; nothing where there is no checkout."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
 
 def accepted_version():
@@ -90,7 +90,7 @@ class CodeTree:
     texts
         {path of a file: text} that counts in place of what is on disk, such as `himap.store.sources.LOADED`.
     accepted
-        {digest of a definition: the one that it counts as}; default: `accepted_digests`.
+        {digest of a definition: the one that it counts as}; default: those in `ACCEPTED`.
     former
         {place of a definition (see `parts_of`): former digest that it is to count as}; what follows is
         in the attribute `accepts`, a dict as `accepted`.
@@ -102,7 +102,7 @@ class CodeTree:
 
     def __init__(self, *, texts=None, accepted=None, former=None, formers=None, **roots):
         self.texts = texts or {}
-        self._accepted = accepted_digests() if accepted is None else accepted
+        self._accepted = stored_dict(ACCEPTED) if accepted is None else accepted
         self._former, self.accepts, self._digests = former or {}, {}, {}
         self._formers = formers or frozenset(self._former.values())
         self._files = {}  # {module: its file}

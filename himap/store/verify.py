@@ -61,7 +61,8 @@ def verify(module, *, renew=False, report=print):
         raise InputError(
             f"there is no folder {fingerprint.ACCEPTED.parent}: verify code in a checkout of himap."
         )
-    calls, probes, names = module.CALLS, _stored_probes(), moved_names(module)
+    calls, names = module.CALLS, moved_names(module)
+    probes = {"calls": {}, "places": {}} | fingerprint.stored_dict(fingerprint.PROBES)
     former = {name: one["code"] for name, one in probes["calls"].items()}
     parts = defaultdict(lambda: (set(), {}), tree_of(module).parts_of(module.__name__))
     if not names:
@@ -102,7 +103,7 @@ def _accept(module, probes, former, others, renew):
     accepts = {codes[name]: former[name] for name in agreeing if codes[name] != former[name]}
     for name in module.CALLS.keys() - ([] if renew else others):
         probes["calls"][name]["code"] = accepts.get(codes[name], codes[name])
-    _store(fingerprint.ACCEPTED, {**fingerprint.accepted_digests(), **tree.accepts, **accepts})
+    _store(fingerprint.ACCEPTED, fingerprint.stored_dict(fingerprint.ACCEPTED) | tree.accepts | accepts)
     calls_now = {name: probes["calls"][name] for name in sorted(module.CALLS)}
     _store(fingerprint.PROBES, {"calls": calls_now, "places": places})
 
@@ -112,7 +113,7 @@ def compared(module, names):
 
     They have a cache of their own, so that nothing is read that former code made.
     """
-    probes, results = _stored_probes()["calls"], {}
+    probes, results = fingerprint.stored_dict(fingerprint.PROBES).get("calls", {}), {}
     quiet = warnings.catch_warnings(action="ignore")  # of small maps
     with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, HIMAP_CACHE=folder), quiet:
         for name in progress(names, "canonical calls"):
@@ -124,7 +125,8 @@ def compared(module, names):
 
 def moved_names(module):
     """Names whose code counts neither as that of the stored numbers, and those without any."""
-    probes, codes = _stored_probes()["calls"], codes_of(tree_of(module), module)
+    probes = fingerprint.stored_dict(fingerprint.PROBES).get("calls", {})
+    codes = codes_of(tree_of(module), module)
     return [name for name in module.CALLS if probes.get(name, {}).get("code") != codes[name]]
 
 
@@ -201,13 +203,6 @@ def _worst(stored, given, is_single):
     scale = np.maximum(np.abs(one), common)[known]
     with np.errstate(divide="ignore"):
         return float(np.max(np.abs(one - other)[known] / scale, initial=0))
-
-
-def _stored_probes():
-    try:
-        return json.loads(fingerprint.PROBES.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return {"calls": {}, "places": {}}
 
 
 def _store(path, content):
