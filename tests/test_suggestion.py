@@ -45,7 +45,7 @@ class TestSuggestion:
         maps[:, rng.random(N_PIX) < share] = np.nan
         cube = cube_of(tmp_path, maps)
         three, two, one = (clean_cube(cube, "pca", n_sources=n) for n in (3, 2, 1))
-        near = spectra.analysed(three)
+        near = spectra.analysed(cube, three.residual)
         for cleaned, tolerance in ((three, 1e-6), (two, 1e-3), (one, 1e-3)):
             found, expected = spectra.spectra_of(cleaned, near), spectra.spectra_of(cleaned)
             inside = expected.angular.degrees <= 2 * NSIDE

@@ -10,7 +10,7 @@ import numpy as np
 
 from himap import __version__
 from himap.core.errors import InputError
-from himap.cubes.spectra import PATCH, PlaneSpectra, compared, patch_power, spectra_of
+from himap.cubes.spectra import PATCH, compared, patch_power, spectra_of
 from himap.figures import planes, plotting, styles
 from himap.figures.tables import Table
 from himap.measures.cylindrical import cell_of
@@ -102,7 +102,7 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None)
         spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
     parts = [
         *_head(cleaned, cleaned.cube.said if said is None else said),
-        *_spectra_parts(cleaned.cube, spectra),
+        *_spectra_parts(cleaned, spectra, truth),
         *more,
         figure(modes_figure(cleaned), "Eigenvalues and mixing matrix", _MODES, title="Leading modes"),
         figure(maps_figure(cleaned), "Maps of the residual", _MAPS, title="Residual"),
@@ -132,59 +132,34 @@ def _rms(maps, missing):
     return np.sqrt(np.mean([row[some].var(dtype=np.float64) for row, some in zip(maps, kept, strict=True)]))
 
 
-def _spectra_parts(cube, spectra):
+def _spectra_parts(cleaned, spectra, truth):
     """All spectra, and their ratios to the truth where it is known."""
-    on_plane = cube.image is not None
-    comparison = spectra.comparison if on_plane else spectra if isinstance(spectra, Comparison) else None
+    on_plane = cleaned.cube.image is not None
     alt, text = ("Frequency" if on_plane else "Angular and frequency") + " power spectrum", _SPECTRA
     if not on_plane:
         text += " A rise towards the largest multipoles, after a method that uses the beam, means that the "
         text += "beam is not that of the cube."
     parts = [figure(spectra_figure(spectra), alt, text, title="Spectra")]
-    if comparison is not None:
-        means = band_means(comparison.ratios, comparison.degrees, comparison.k)
+    if isinstance(spectra, Comparison):
+        means = band_means(spectra.ratios, spectra.degrees, spectra.k)
         parts += [
             "<h3>Over the truth</h3>",
             Table([], [(name, f"{mean:.3f}") for name, mean in means.items()]),
         ]
-    if not on_plane:
-        return parts
-    if spectra.cylindrical is None:
-        return [*parts, note(f"There is no P(k_perp, k_par): {spectra.why_not}")]
-    angles = cube.layout.pixels.pixel_angles()
-    text = (
-        f"Scales are comoving, at redshift {cell_of(cube.freqs, angles)[1]:.3g}, on a flat sky, with the "
-        f"cosmology of the paper; the area that is not seen is left out of the normalisation. {_WEDGE}"
-    )
-    widest = np.max(cube.layout.pixels.shape * angles)
-    if widest > _WIDE:
-        text += f" The image is {np.rad2deg(widest):.0f} deg wide: scales are those in its middle."
-    return [*parts, _cylindrical(spectra.cylindrical, spectra.true and spectra.true.cylindrical, text)]
+    return [*parts, cylindrical_part(cleaned, truth)] if on_plane else parts
 
 
-def patches_part(cleaned, truth=None):
+def cylindrical_part(cleaned, truth=None):
     """A part of a page: `patch_power` of a `CleanedCube`, next to that of the truth, a `Cube`, if known."""
-    cube, true = cleaned.cube, None
+    cube, ratio = cleaned.cube, None
     try:
         power, n_patches = patch_power(cube, cleaned.residual)
+        shown = {"cleaned": power.power}
         if truth is not None:
-            true, _ = patch_power(cube, cube.seen_of(truth))
+            shown["HI + noise"] = patch_power(cube, cube.seen_of(truth))[0].power
+            ratio = (r"$P / P_0$", power.power / shown["HI + noise"])
     except InputError as error:
         return note(f"There is no P(k_perp, k_par): {error}")
-    text = (
-        f"The mean over {n_patches} flat patches of {np.rad2deg(PATCH):.0f} deg, as far as the Nyquist "
-        "wavenumber of the pixels, whose window it has. Scales are comoving, with the cosmology of the "
-        f"paper. {_WEDGE}"
-    )
-    return _cylindrical(power, true, text)
-
-
-def _cylindrical(power, true, text):
-    """P(k_perp, k_par), a `CylindricalPower`; next to that of the truth, and their ratio, if it is known."""
-    shown, ratio = {"cleaned": power.power}, None
-    if true is not None:
-        shown["HI + noise"] = true.power
-        ratio = (r"$P / P_0$", power.power / true.power)
     picture = planes.power_planes(
         shown,
         x=power.perp_edges,
@@ -194,21 +169,39 @@ def _cylindrical(power, true, text):
         unit=r"$P$ [mK$^2$ (Mpc/$h$)$^3$]",
         ratio=ratio,
     )
+    text = _about_patches(cube, n_patches)
     return figure(picture, "P(k_perp, k_par)", text, title="Across and along the line of sight")
+
+
+def _about_patches(cube, n_patches):
+    """The text under P(k_perp, k_par): scales, and what they are of."""
+    if cube.image is None:
+        return (
+            f"The mean over {n_patches} flat patches of {np.rad2deg(PATCH):.0f} deg, as far as the Nyquist "
+            "wavenumber of the pixels, whose window it has. Scales are comoving, with the cosmology of the "
+            f"paper. {_WEDGE}"
+        )
+    angles = cube.layout.pixels.pixel_angles()
+    text = (
+        f"Scales are comoving, at redshift {cell_of(cube.freqs, angles)[1]:.3g}, on a flat sky, with the "
+        f"cosmology of the paper; the area that is not seen is left out of the normalisation. {_WEDGE}"
+    )
+    widest = np.max(cube.layout.pixels.shape * angles)
+    if widest > _WIDE:
+        text += f" The image is {np.rad2deg(widest):.0f} deg wide: scales are those in its middle."
+    return text
 
 
 def spectra_figure(spectra):
     """The spectra that `spectra_of` gives, or with their ratios to the truth those of `compared`."""
-    comparison = spectra if isinstance(spectra, Comparison) else getattr(spectra, "comparison", None)
-    if comparison is not None:
-        kinds = ("angular", "frequency") if len(comparison.degrees) else ("frequency",)
-        return plotting.spectrum([plotting.comparison_panel(k, [(_CLEANED, comparison)]) for k in kinds])
-    powers = {"frequency": (spectra.frequency.k, spectra.frequency.power)}
-    on_plane = isinstance(spectra, PlaneSpectra)
-    if not on_plane:
-        powers = {"angular": (spectra.angular.degrees, spectra.angular.mean)} | powers
+    if isinstance(spectra, Comparison):
+        kinds = ("angular", "frequency") if len(spectra.degrees) else ("frequency",)
+        return plotting.spectrum([plotting.comparison_panel(k, [(_CLEANED, spectra)]) for k in kinds])
+    angular, frequency = spectra.angular, spectra.frequency
+    powers = {"angular": (angular.degrees, angular.mean)} if len(angular.degrees) else {}
+    powers["frequency"] = frequency.k, frequency.power
     panels = [panel(kind, [(x[x > 0], y[x > 0], _CLEANED)]) for kind, (x, y) in powers.items()]
-    return plotting.lines(panels, **({"columns": 1, "size": (6, 3.6)} if on_plane else {}))
+    return plotting.lines(panels, **({"columns": 1, "size": (6, 3.6)} if len(panels) == 1 else {}))
 
 
 def panel(kind, curves, **settings):

@@ -1,6 +1,7 @@
-"""Power spectra of cleaned cubes: C_l and P(k_nu) of HEALPix maps; P(k_perp, k_par) and P(k_nu) of images."""
+"""Power spectra of cleaned cubes: P(k_nu), C_l of HEALPix maps, P(k_perp, k_par) of images and patches."""
 
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,10 +9,10 @@ from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.cubes.layout import same_freqs
 from himap.maps.patches import patch_centres, patch_pixels
-from himap.measures.cylindrical import CylindricalPower, cell_of, cylindrical_power
+from himap.measures.cylindrical import cell_of, cylindrical_power
 from himap.measures.diagnostics import Comparison
-from himap.measures.low_rank_spectra import difference, masked_alms, masked_power, recovered_power
-from himap.measures.spectra import FrequencyPower, PowerSpectra, angular_power, frequency_power
+from himap.measures.low_rank_spectra import difference, masked_alms, recovered_power
+from himap.measures.spectra import AngularPower, PowerSpectra, angular_power, frequency_power
 
 PATCH = np.deg2rad(14)
 """Side of a flat patch of the sphere, rad: at its corner an angle is 0.3 % off the plane."""
@@ -21,98 +22,54 @@ _LEAST, _MOST = 0.8, 48  # share of a patch that is seen, and patches
 _ALIKE = 1e-5  # relative: the same maps but for rounding
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlaneSpectra:
-    """Power spectra of one cube of images.
-
-    Attributes
-    ----------
-    frequency
-        The `FrequencyPower`.
-    cylindrical
-        The `CylindricalPower`; None where the cube has none.
-    why_not
-        Why it has none.
-    true
-        `PlaneSpectra` of the truth, where it is known.
-    """
-
-    frequency: FrequencyPower
-    cylindrical: CylindricalPower | None = None
-    why_not: str = ""
-    true: "PlaneSpectra | None" = None
-
-    @classmethod
-    def of(cls, cube, maps):
-        """Those of maps (n_channels, n_seen), mK, of the seen pixels of a `Cube` of images."""
-        frequency, pixels = frequency_power(maps, cube.channel_width), cube.layout.pixels
-        try:
-            cell, _ = cell_of(cube.freqs, pixels.pixel_angles())
-            images = cube.on_sphere(maps).reshape(-1, *pixels.shape)
-            power = cylindrical_power(images, cell, mask=cube.image)
-        except InputError as error:
-            return cls(frequency=frequency, why_not=str(error))
-        return cls(frequency=frequency, cylindrical=power)
-
-    @property
-    def comparison(self):
-        """P(k_nu) next to the truth, a `Comparison` without C_l; None where the truth is not known."""
-        if self.true is None:
-            return None
-        none = np.empty(0)
-        powers = {"frequency": self.frequency.power[1:], "true_frequency": self.true.frequency.power[1:]}
-        return Comparison(degrees=none, angular=none, true_angular=none, k=self.frequency.k[1:], **powers)
-
-
 def spectra_of(cleaned, near=None):
-    """The power spectra of a `CleanedCube`.
+    """The `PowerSpectra` of a `CleanedCube`: C_l, decoupled with a mask, and P(k_nu); of an image no C_l.
 
     Parameters
     ----------
     cleaned
         The `CleanedCube`.
     near
-        Maps on the sphere that differ by a few spectra, and their coefficients, as of `analysed`: only these
-        spectra are then analysed.
-
-    Returns
-    -------
-    PowerSpectra or PlaneSpectra
-        Of HEALPix maps C_l, decoupled with a mask, and P(k_nu); of images P(k_perp, k_par) and P(k_nu).
+        As of `analysed`, of maps that differ by a few spectra: only these are then analysed.
     """
-    cube, residual, mask = cleaned.cube, cleaned.residual, cleaned.cube.sky_mask
+    return _spectra(cleaned.cube, cleaned.residual, near)
+
+
+def _spectra(cube, maps, near=None):
+    frequency, mask = frequency_power(maps, cube.channel_width), cube.sky_mask
     if cube.image is not None:
-        return PlaneSpectra.of(cube, residual)
-    maps = cube.on_sphere(residual)
-    if near is None:
-        angular = angular_power(maps, mask=mask)
+        angular = AngularPower(degrees=np.empty(0), cl=np.empty((len(maps), 0)))
+    elif near is None:
+        angular = angular_power(cube.on_sphere(maps), mask=mask)
     else:
         others, alms = near
-        angular = recovered_power(alms, difference(maps, others, mask=mask), mask=mask)
-    return PowerSpectra(angular=angular, frequency=frequency_power(residual, cube.channel_width))
+        angular = recovered_power(alms, difference(cube.on_sphere(maps), others, mask=mask), mask=mask)
+    return PowerSpectra(angular=angular, frequency=frequency)
 
 
-def analysed(cleaned):
-    """Maps of the residual of a `CleanedCube` on the sphere, and their coefficients; None of images."""
-    maps, mask = cleaned.cube.on_sphere(cleaned.residual), cleaned.cube.sky_mask
-    return None if cleaned.cube.image is not None else (maps, masked_alms(maps, mask=mask))
+def analysed(cube, maps):
+    """Maps (n_channels, n_seen) of a `Cube` on the sphere, and their coefficients; None of images."""
+    full = cube.on_sphere(maps)
+    return None if cube.image is not None else (full, masked_alms(full, mask=cube.sky_mask))
 
 
-def scales(cube, spectra):
-    """The powers (n,) by which two cleanings are compared, a tuple.
+def scales(cleaned, near=None):
+    """The powers (n,) by which two cleanings are compared, a tuple; parameters as of `spectra_of`.
 
     C_l for 2 <= l <= 2 nside, or of images P(k_perp, k_par) where there is one, and P(k) for k > 0.
     """
+    cube, spectra, powers = cleaned.cube, spectra_of(cleaned, near), []
     if cube.image is None:
         inside = (spectra.angular.degrees >= 2) & (spectra.angular.degrees <= 2 * cube.nside)
-        powers = [spectra.angular.mean[inside]]
+        powers.append(spectra.angular.mean[inside])
     else:
-        powers = [] if spectra.cylindrical is None else [spectra.cylindrical.power]
+        with suppress(InputError):
+            powers.append(patch_power(cube, cleaned.residual)[0].power)
     return *(power[np.isfinite(power)] for power in powers), spectra.frequency.power[1:]
 
 
 def compared(cleaned, truth):
-    """The spectra of a `CleanedCube` next to those of the truth.
+    """The `Comparison` of the spectra of a `CleanedCube` with those of the truth; of an image without C_l.
 
     Parameters
     ----------
@@ -121,25 +78,16 @@ def compared(cleaned, truth):
     truth
         A `Cube` of what a perfect cleaning would leave, with the same channels.
 
-    Returns
-    -------
-    Comparison or PlaneSpectra
-
     Raises
     ------
     InputError
         A truth of other pixels, other channels, or that does not see what was cleaned.
     """
-    cube, mask = cleaned.cube, cleaned.cube.sky_mask
+    cube = cleaned.cube
     check_truth(cube, truth)
     seen = cube.seen_of(truth)
-    if cube.image is not None:
-        return replace(spectra_of(cleaned), true=PlaneSpectra.of(cube, seen))
-    maps = cube.on_sphere(seen)
-    alms = masked_alms(maps, mask=mask)
-    frequency = frequency_power(seen, cube.channel_width)
-    true = PowerSpectra(angular=masked_power(alms, mask), frequency=frequency)
-    return Comparison.of(spectra_of(cleaned, (maps, alms)), true, l_top=2 * cube.nside)
+    near, l_top = analysed(cube, seen), 0 if cube.image is not None else 2 * cube.nside
+    return Comparison.of(spectra_of(cleaned, near), _spectra(cube, seen, near), l_top=l_top)
 
 
 def check_truth(cube, truth, label="the truth"):
@@ -180,25 +128,30 @@ def check_truth(cube, truth, label="the truth"):
 
 
 def patch_power(cube, maps):
-    """The mean `CylindricalPower` over flat patches of 14 degrees of the sphere, and how many there are.
+    """The `CylindricalPower` of an image, or its mean over flat patches of 14 degrees of the sphere.
 
     Parameters
     ----------
     cube
-        The `Cube`, of HEALPix maps.
+        The `Cube`.
     maps
         (n_channels, n_seen), mK, of its seen pixels.
 
     Returns
     -------
     (CylindricalPower, int)
-        As far as the Nyquist wavenumber of the pixels, whose window it has.
+        And the number of patches, 1 of an image. Of patches as far as the Nyquist wavenumber of the pixels,
+        whose window it has.
 
     Raises
     ------
     InputError
-        An image, no patch that is seen to four fifths, or as `cell_of`.
+        No patch that is seen to four fifths, or as `cell_of`.
     """
+    full, powers = cube.on_sphere(maps), []
+    if cube.image is not None:
+        cell, _ = cell_of(cube.freqs, cube.layout.pixels.pixel_angles())
+        return cylindrical_power(full.reshape(-1, *cube.image.shape), cell, mask=cube.image), 1
     pixel = np.sqrt(4 * np.pi / (12 * cube.nside**2))
     n_cells = max(4, round(_FINER * PATCH / pixel))
     cell, _ = cell_of(cube.freqs, (PATCH / n_cells, PATCH / n_cells))
@@ -208,11 +161,9 @@ def patch_power(cube, maps):
             f"P(k_perp, k_par) needs a patch of {np.rad2deg(PATCH):.0f} deg of which {_LEAST:.0%} is seen, "
             "and the cube has none."
         )
-    full, powers = cube.on_sphere(maps), []
+    nyquist = np.pi / (cell[1] * pixel * n_cells / PATCH)
     for centre in progress(centres, "patches"):
         pixels = patch_pixels(cube.nside, centre, PATCH, n_cells)
-        powers.append(cylindrical_power(full[:, pixels], cell, mask=cube.mask[pixels]))
+        powers.append(cylindrical_power(full[:, pixels], cell, mask=cube.mask[pixels], most=nyquist))
     mean = np.average([one.power for one in powers], axis=0, weights=shares)
-    n_modes = len(powers) * powers[0].n_modes
-    nyquist = np.pi / (cell[1] * pixel * n_cells / PATCH)
-    return replace(powers[0], power=mean, n_modes=n_modes).upto(nyquist), len(powers)
+    return replace(powers[0], power=mean, n_modes=len(powers) * powers[0].n_modes), len(powers)

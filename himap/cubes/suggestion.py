@@ -26,7 +26,7 @@ from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.cubes.cleaning import cleaning_of, method_for
 from himap.cubes.report import figure, panel, write_page
-from himap.cubes.spectra import analysed, scales, spectra_of
+from himap.cubes.spectra import analysed, scales
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.instrument.beams.base import gaussian_widths
@@ -166,10 +166,10 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     variances, spectra, near = [], [], None
     for count in progress(counts[::-1], "numbers of sources"):  # from the cube with least foreground
         cleaned = cleaning.with_sources(int(count))
-        near = near or analysed(cleaned)
+        near = near or analysed(cube, cleaned.residual)
         pairs = zip(cleaned.residual, weights, strict=True)
         variances.insert(0, [np.cov(channel, aweights=some, ddof=0) for channel, some in pairs])
-        spectra.insert(0, scales(cube, spectra_of(cleaned, near)))
+        spectra.insert(0, scales(cleaned, near))
     change, n_seen = changes(spectra), None
     if cube.missing is not None:
         n_seen = np.count_nonzero(~cube.missing, axis=1)

@@ -4,7 +4,7 @@ P(k) = V / N |sum_x T(x) exp(-i k x)|^2, with N cells of volume V that are seen;
 sight. White noise of variance s^2 has P = s^2 V.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
@@ -39,19 +39,8 @@ class CylindricalPower:
     power: np.ndarray
     n_modes: np.ndarray
 
-    def upto(self, k):
-        """The same in the bins that end below k_perp = `k`, the first at least."""
-        n = max(1, np.searchsorted(self.perp_edges, k, side="right") - 1)
-        return replace(
-            self,
-            k_perp=self.k_perp[:n],
-            perp_edges=self.perp_edges[: n + 1],
-            power=self.power[:, :n],
-            n_modes=self.n_modes[:, :n],
-        )
 
-
-def cylindrical_power(maps, cell, *, mask=None):
+def cylindrical_power(maps, cell, *, mask=None, most=np.inf):
     """The `CylindricalPower` of maps, less the mean of every channel.
 
     Modes with k_perp = 0, which those means are, and with k_par = 0 are excluded, and so are those beyond the
@@ -65,6 +54,8 @@ def cylindrical_power(maps, cell, *, mask=None):
         Sides of a cell along these axes, Mpc/h: along the line of sight, and across.
     mask
         (n_y, n_x) bool, True where seen; None for all.
+    most
+        Bins of k_perp end below it, h/Mpc, but for the first.
 
     Returns
     -------
@@ -88,6 +79,7 @@ def cylindrical_power(maps, cell, *, mask=None):
     k_perp = np.hypot(k_y[:, None], k_x)
     par_edges = _edges(k_par[1], k_par[-1])
     perp_edges = _edges(min(abs(k_y[1]), abs(k_x[1])), min(-k_y.min(), -k_x.min()))
+    perp_edges = perp_edges[: max(2, np.searchsorted(perp_edges, most, side="right"))]
     along = np.digitize(k_par, par_edges) == np.arange(1, len(par_edges))[:, None]  # (n_par, n_k)
     columns, n_perp = np.digitize(k_perp, perp_edges).ravel(), len(perp_edges) - 1
 

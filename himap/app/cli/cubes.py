@@ -173,7 +173,7 @@ def _cleaned(asked):
     from himap.cubes.brightness import brightness_table, by_brightness, remarks_on_brightness
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.files import read_truth
-    from himap.cubes.report import patches_part, write_report
+    from himap.cubes.report import cylindrical_part, write_report
     from himap.cubes.spectra import check_truth, compared, spectra_of
     from himap.cubes.transfer import correct, measure_transfer
     from himap.cubes.writing import check_columns
@@ -220,11 +220,11 @@ def _cleaned(asked):
         more = [*scatter.scatter_parts(scattered), *more]
         click.echo(scatter.scatter_table(scattered))
     if asked.patches and cube.layout.pixels.whole_sky:  # the page of an image has it anyway
-        more = [*more, patches_part(cleaned, true)]
+        more = [*more, cylindrical_part(cleaned, true)]
     shown = spectra if comparison is None else comparison
 
     def write_pages(page, table=None):
-        write_report(cleaned, page, spectra=shown, more=more, said=asked.said)
+        write_report(cleaned, page, truth=true, spectra=shown, more=more, said=asked.said)
         if corrected is not None:
             texts.write_spectra(corrected, table, scattered)
 
