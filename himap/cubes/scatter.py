@@ -1,18 +1,16 @@
 """How the power spectra of a cleaned cube scatter between the restarts of a method that is chaotic."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from himap.core.progress import progress
 from himap.cubes.corrected import plain_band
 from himap.cubes.report import figure, panel
-from himap.cubes.transfer import alms_of, faint_variance
+from himap.cubes.spectra import analysed, power_spectra
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.measures.diagnostics import bands
-from himap.measures.low_rank_spectra import Moments, recovered_power
-from himap.measures.spectra import frequency_power
 
 PERCENTILES = (16, 50, 84)
 """Of the members: the ends of the band, and the median between them."""
@@ -43,13 +41,9 @@ class Scatter:
     powers: dict
     medoid: int
 
-    def percentiles(self, kind):
-        """The `PERCENTILES` of the power, (3, n_x)."""
-        return np.percentile(self.powers[kind], PERCENTILES, axis=0)
-
     def columns(self, kind, x):
-        """Those of a table, `percentiles` at places `x`: {"restarts_16": (n,)} and so on."""
-        powers = zip(PERCENTILES, self.percentiles(kind), strict=True)
+        """Those of a table, `PERCENTILES` of the power at places `x`: {"restarts_16": (n,)} and so on."""
+        powers = zip(PERCENTILES, np.percentile(self.powers[kind], PERCENTILES, axis=0), strict=True)
         return {f"restarts_{percent}": np.interp(x, self.x[kind], power) for percent, power in powers}
 
 
@@ -59,16 +53,13 @@ def scatter_of(cleaned):
     Members differ from the medoid by a few spectra times maps, and so only these are transformed.
     """
     cube, residual, ensemble = cleaned.cube, cleaned.residual, cleaned.ensemble
-    alms, own = alms_of(cube, residual), frequency_power(residual, cube.channel_width)
-    faint, spectra = faint_variance(residual), []
+    near, powers = analysed(cube, residual), []
     for k in progress(range(len(ensemble.members)), "spectra of restarts"):
-        change = ensemble.change(k).truncate(faint)
-        seen = replace(change, maps=cube.on_sphere(change.maps))
-        angular = recovered_power(alms, seen, mask=cube.sky_mask).upto(cleaned.separation.lmax)
-        power = Moments.of(residual, change).frequency_power(own, cube.channel_width).power
-        spectra.append((angular.mean[angular.degrees > 0], power[1:]))
-    x = {"angular": angular.degrees[angular.degrees > 0], "frequency": own.k[1:]}
-    powers = dict(zip(x, map(np.array, zip(*spectra, strict=True)), strict=True))
+        spectra = power_spectra(cube, residual + ensemble.change(k).cube(), near)
+        angular = spectra.angular.upto(cleaned.separation.lmax)
+        powers.append((angular.mean[angular.degrees > 0], spectra.frequency.power[1:]))
+    x = {"angular": angular.degrees[angular.degrees > 0], "frequency": spectra.frequency.k[1:]}
+    powers = dict(zip(x, map(np.array, zip(*powers, strict=True)), strict=True))
     return Scatter(x=x, powers=powers, medoid=ensemble.medoid_index)
 
 

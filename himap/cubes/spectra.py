@@ -32,10 +32,11 @@ def spectra_of(cleaned, near=None):
     near
         As of `analysed`, of maps that differ by a few spectra: only these are then analysed.
     """
-    return _spectra(cleaned.cube, cleaned.residual, near)
+    return power_spectra(cleaned.cube, cleaned.residual, near)
 
 
-def _spectra(cube, maps, near=None):
+def power_spectra(cube, maps, near=None):
+    """The same of maps (n_channels, n_seen), mK, of the pixels of a `Cube`."""
     frequency, mask = frequency_power(maps, cube.channel_width), cube.sky_mask
     if cube.image is not None:
         angular = AngularPower(degrees=np.empty(0), cl=np.empty((len(maps), 0)))
@@ -87,7 +88,7 @@ def compared(cleaned, truth):
     check_truth(cube, truth)
     seen = cube.seen_of(truth)
     near, l_top = analysed(cube, seen), 0 if cube.image is not None else 2 * cube.nside
-    return Comparison.of(spectra_of(cleaned, near), _spectra(cube, seen, near), l_top=l_top)
+    return Comparison.of(spectra_of(cleaned, near), power_spectra(cube, seen, near), l_top=l_top)
 
 
 def check_truth(cube, truth, label="the truth"):

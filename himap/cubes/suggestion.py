@@ -18,6 +18,7 @@ spectra with 0 in the gaps, whatever the number.
 """
 
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -146,17 +147,13 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     """
     n_channels = len(cube.freqs)
     n_sources = range(1, min(MOST_SOURCES + 1, n_channels)) if n_sources is None else n_sources
-    if not np.iterable(n_sources):
-        raise InputError(f"n_sources are two or more numbers in a row, got {n_sources!r}.")
-    counts = n_sources
-    if not isinstance(n_sources, range):
-        counts = [whole_number("n_sources", one, 0, n_channels) for one in n_sources]
-    inside = counts and 1 <= counts[0] < counts[-1] < n_channels  # a range may have no end
-    if not (inside and list(counts) == list(range(counts[0], counts[-1] + 1))):
-        came = f"{counts[0]} to {counts[-1]}" if counts and counts is n_sources else list(counts)
+    several = n_sources if np.iterable(n_sources) else [n_sources]
+    # A range may have no end.
+    counts = [whole_number("n_sources", one, 0, n_channels) for one in islice(several, n_channels)]
+    if len(counts) < 2 or counts != [*range(max(counts[0], 1), n_channels)][: len(counts)]:
         raise InputError(
             "n_sources (--from, --to) are two or more numbers in a row, from 1 to one less than there are "
-            f"channels, {n_channels - 1}, got {came}."
+            f"channels, {n_channels - 1}, got {n_sources}."
         )
     counts = np.array(counts)
     # Refused now, not after the others.

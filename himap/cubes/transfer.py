@@ -14,7 +14,7 @@ from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
 from himap.measures.bootstrap import sigma
 from himap.measures.low_rank_spectra import FAINT, masked_alms
-from himap.measures.transfer import TransferFunction, harmonic_power, mock_power, mock_power_of_cubes
+from himap.measures.transfer import TransferFunction, harmonic_power, mock_power
 from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of
 
 
@@ -205,18 +205,13 @@ def _member_power(cleaned, mock, alms, before):
     change = after.foreground + -before.foreground
     back = change.subtract_from(mock, after.means - before.means)
     back = alms_of(cube, np.where(cube.missing, 0, back), after.lmax)
-    return mock_power_of_cubes(alms, back, cube.channel_width)
+    return mock_power(alms, back, cube.channel_width)
 
 
 def alms_of(cube, maps, lmax=None):
     """Coefficients of maps (n_channels, n_seen) of a cube, less their means, to `lmax` if one is given."""
     alms = masked_alms(cube.on_sphere(maps), mask=cube.sky_mask)
     return alms if lmax is None else sphere.alms_upto(alms, lmax)
-
-
-def faint_variance(maps):
-    """Variance, mK^2, summed over channels, that is `FAINT` next to that of maps (n_channels, n_seen)."""
-    return FAINT * float(maps.var(axis=1, dtype=np.float64).sum())
 
 
 def mock_power_of_change(cube, maps, alms, before, after):
@@ -232,7 +227,8 @@ def mock_power_of_change(cube, maps, alms, before, after):
     before, after
         The `Separation` that the foreground is of, and the one that it is then of.
     """
-    change = (before.foreground + -after.foreground).truncate(faint_variance(maps))
+    faint = FAINT * float(maps.var(axis=1, dtype=np.float64).sum())
+    change = (before.foreground + -after.foreground).truncate(faint)
     if not len(change.maps):  # nothing moves
         change = LowRankCube(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
     return mock_power(alms, replace(change, maps=cube.on_sphere(change.maps)), cube.channel_width)

@@ -17,6 +17,7 @@ from scipy import fft
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
+from himap.maps.low_rank import LowRankCube
 from himap.measures import diagnostics
 from himap.removal.harmonic import to_modes
 
@@ -177,8 +178,7 @@ class TransferFunction:
 
     def foreground(self, kind):
         """What `corrected` subtracts, over T: the foreground residual in a corrected spectrum, (n,)."""
-        share, unlike = _fit(kind, self.mocks)
-        return quotient(unlike, share)
+        return -self.corrected(kind, 0)
 
     def errors(self, kind):
         """Relative error of each mock once it is corrected by the others, (n_mocks, n).
@@ -221,15 +221,16 @@ def harmonic_power(alms, channel_width):
     return _harmonic_powers(rows, len(alms), channel_width)[0]
 
 
-def mock_power(alms, error, channel_width):
-    """The `MockPower` of a cube T whose output is T and some error.
+def mock_power(alms, output, channel_width):
+    """The `MockPower` of a cube T and of what comes back of it.
 
     Parameters
     ----------
     alms
         Coefficients of T, (n_channels, n_alm), mK; what is compared ends where they do.
-    error
-        Output less T, a `LowRankCube`.
+    output
+        What comes back less T, a `LowRankCube`. Or its coefficients, as `alms`, where it differs from T by
+        more than a few spectra, as with gaps, each of which takes another part of T.
     channel_width
         MHz.
 
@@ -238,33 +239,24 @@ def mock_power(alms, error, channel_width):
     InputError
         The two have not the same channels.
     """
-    more = sphere.analyse(error.maps.astype(np.float32), sphere.lmax_of_size(alms.shape[-1]))
-    spectra = fft.rfft(error.spectra, axis=0)
-    return _mock_power(
-        alms,
-        len(error.spectra),
-        channel_width,
-        lambda waves, degree: waves + spectra @ to_modes(more, degree, degree),
-    )
-
-
-def mock_power_of_cubes(alms, output_alms, channel_width):
-    """The `MockPower` of a cube T from coefficients of T and of the output, each (n_channels, n_alm), mK.
-
-    For outputs that differ from T by more than a few spectra, as with gaps, each of which takes another part
-    of T.
-
-    Raises
-    ------
-    InputError
-        The two have not the same channels.
-    """
-    return _mock_power(
-        alms,
-        len(output_alms),
-        channel_width,
-        lambda _, degree: fft.rfft(to_modes(output_alms, degree, degree), axis=0),
-    )
+    few = isinstance(output, LowRankCube)
+    n_channels = len(output.spectra if few else output)
+    if len(alms) != n_channels:
+        raise InputError(
+            f"the output has {n_channels} channels, the input {len(alms)}; both must be of one cube."
+        )
+    if few:
+        more = sphere.analyse(output.maps.astype(np.float32), sphere.lmax_of_size(alms.shape[-1]))
+        spectra = fft.rfft(output.spectra, axis=0)
+    rows = []
+    for degree, waves in _waves(alms):
+        if few:
+            back = waves + spectra @ to_modes(more, degree, degree)
+        else:
+            back = fft.rfft(to_modes(output, degree, degree), axis=0)
+        powers = np.abs(waves) ** 2, np.abs(back) ** 2, (waves * back.conj()).real
+        rows.append([power.mean(axis=1) for power in powers])
+    return MockPower(*_harmonic_powers(rows, n_channels, channel_width))
 
 
 def expected_mock_power(separation, channel_width):
@@ -283,20 +275,6 @@ def expected_mock_power(separation, channel_width):
         cross = keeps @ faint
         covariances = faint, cross @ keeps.T, cross
         rows.append([np.sum((waves @ one) * waves.conj(), axis=1).real for one in covariances])
-    return MockPower(*_harmonic_powers(rows, n_channels, channel_width))
-
-
-def _mock_power(alms, n_channels, channel_width, output):
-    """The `MockPower` of coefficients, with ``output(waves, degree)`` for the waves of the output."""
-    if len(alms) != n_channels:
-        raise InputError(
-            f"the output has {n_channels} channels, the input {len(alms)}; both must be of one cube."
-        )
-    rows = []
-    for degree, waves in _waves(alms):
-        back = output(waves, degree)
-        powers = np.abs(waves) ** 2, np.abs(back) ** 2, (waves * back.conj()).real
-        rows.append([power.mean(axis=1) for power in powers])
     return MockPower(*_harmonic_powers(rows, n_channels, channel_width))
 
 
