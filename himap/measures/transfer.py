@@ -8,8 +8,6 @@ are sums.
 
 import itertools
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import add
 
 import numpy as np
 from scipy import fft
@@ -62,9 +60,6 @@ class HarmonicPower:
         """P(k) averaged over the sphere, mK^2 MHz, (n_k,): the sum over all modes."""
         return (2 * self.degrees + 1) @ self.power / (4 * np.pi)
 
-    def __add__(self, other):
-        return replace(self, power=self.power + other.power)
-
     def binned(self, edges):
         """Means over the modes in bins of l, from one of the `edges` to below the next, (n_bins, n_k)."""
         n_modes = 2.0 * self.degrees + 1
@@ -85,9 +80,6 @@ class MockPower:
     input: HarmonicPower
     output: HarmonicPower
     cross: HarmonicPower
-
-    def __add__(self, other):
-        return MockPower(**{name: power + vars(other)[name] for name, power in vars(self).items()})
 
     @property
     def degrees(self):
@@ -153,27 +145,36 @@ class TransferFunction:
         """1/MHz, (n_k,), from 0."""
         return self.mocks[0].k
 
+    def _fit(self, kind):
+        """Transfer function, and mean power of the residual that is unlike the mocks, each (n,)."""
+        true, residual, cross = (
+            np.mean([getattr(getattr(mock, part), kind) for mock in self.mocks], axis=0)
+            for part in ("input", "output", "cross")
+        )
+        share = quotient(cross, true)
+        return share, residual - share * true
+
     @property
     def angular(self):
         """T(l), (n_l,): of C_l averaged over channels; 0 where there is no input."""
-        return _fit("angular", self.mocks)[0]
+        return self._fit("angular")[0]
 
     @property
     def frequency(self):
         """T(k), (n_k,): of P(k) averaged over the sphere."""
-        return _fit("frequency", self.mocks)[0]
+        return self._fit("frequency")[0]
 
     def cylindrical(self, edges):
         """T(l, k) in bins of l from one of the `edges` to below the next, (n_bins, n_k)."""
-        total = reduce(add, self.mocks)
-        return quotient(total.cross.binned(edges), total.input.binned(edges))
+        back = np.mean([mock.cross.binned(edges) for mock in self.mocks], axis=0)
+        return quotient(back, np.mean([mock.input.binned(edges) for mock in self.mocks], axis=0))
 
     def corrected(self, kind, power):
         """A spectrum (n,) of a residual, less the power that has nothing in common with the mocks, over T.
 
         `kind` is "angular", of C_l, or "frequency", of P(k); 0 where T is.
         """
-        share, unlike = _fit(kind, self.mocks)
+        share, unlike = self._fit(kind)
         return quotient(power - unlike, share)
 
     def foreground(self, kind):
@@ -205,14 +206,6 @@ class TransferFunction:
         powers, n_mocks = np.array([getattr(mock.input, kind) for mock in self.mocks]), len(self.mocks)
         ratios = quotient(powers, np.broadcast_to(powers.mean(axis=0), powers.shape))
         return (ratios - 1) * np.sqrt(n_mocks / max(n_mocks - 1, 1))
-
-
-def _fit(kind, mocks):
-    """Transfer function, and mean power of the residual that is unlike the mocks, each (n,)."""
-    total, n_mocks = reduce(add, mocks), len(mocks)
-    true, residual, cross = (getattr(getattr(total, name), kind) for name in ("input", "output", "cross"))
-    share = quotient(cross, true)
-    return share, (residual - share * true) / n_mocks
 
 
 def harmonic_power(alms, channel_width):
