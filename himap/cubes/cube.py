@@ -10,9 +10,9 @@ from himap.cubes.layout import Layout, is_seen, same_freqs
 from himap.cubes.weights import read_mask
 from himap.maps import sphere
 from himap.maps.healpix_io import MILLIKELVIN, to_ring
-from himap.maps.low_rank import as_float32
+from himap.maps.low_rank import as_float32, scattered
 from himap.removal import using
-from himap.removal.data import checked_mask, checked_weights, means_of, missing_of, scattered
+from himap.removal.data import checked_mask, checked_weights, means_of, missing_of
 
 _TWICE = 1e-8  # relative: closer channels have one frequency
 _FEW = 0.01  # of the pixels: so many may be masked in all channels for what some of these miss

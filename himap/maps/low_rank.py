@@ -37,6 +37,13 @@ def in_threads(work, n_pix, label, size=None):
         return list(progress(pool.map(work, parts), label, total=len(parts)))
 
 
+def scattered(lines, kept):
+    """Lines of sight (..., n_kept) among all pixels, (..., n_pix), 0 elsewhere."""
+    out = np.zeros((*lines.shape[:-1], len(kept)), dtype=lines.dtype)
+    out[..., kept] = lines
+    return out
+
+
 def precision(rms):
     """The floats for maps of this rms, mK: float32, or float64 where that would round HI away."""
     return np.float64 if rms * _ROUNDING > _HARMLESS else np.float32

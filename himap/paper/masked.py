@@ -11,6 +11,7 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.maps import sphere
+from himap.maps.low_rank import scattered
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison
 from himap.measures.low_rank_spectra import (
@@ -23,7 +24,6 @@ from himap.measures.low_rank_spectra import (
 )
 from himap.measures.spectra import PowerSpectra, frequency_power
 from himap.paper import cleaned, pipeline
-from himap.removal.data import scattered
 from himap.sky.galaxy import Dimming
 from himap.store.store import product
 

@@ -9,10 +9,9 @@ from threadpoolctl import threadpool_limits
 from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.inpaint import inpaint_alm
-from himap.maps.low_rank import projection
+from himap.maps.low_rank import projection, scattered
 from himap.removal import harmonic
 from himap.removal.covariance import channel_covariance
-from himap.removal.data import scattered
 
 _BRIGHT = 9.0  # times the variance of the faint axes: foreground, not HI and noise alone
 _FAINT = 0.25  # quantile of the variances, HI and noise unless three quarters of the channels hold more

@@ -14,8 +14,9 @@ from threadpoolctl import threadpool_limits
 
 from himap.core.checks import checked_fields, checked_noise, parameter
 from himap.core.errors import InputError
+from himap.maps.low_rank import scattered
 from himap.removal.cleaning import Cleaning
-from himap.removal.data import Data, check_channels, scattered
+from himap.removal.data import Data, check_channels
 from himap.removal.restarts import has_restarts, remarks_on_one
 from himap.removal.separation import Cleaned, Separation
 

@@ -231,13 +231,6 @@ def _refuse_dead_channels(label, maps, missing):
         )
 
 
-def scattered(lines, kept):
-    """Lines of sight (..., n_kept) among all pixels, (..., n_pix), 0 elsewhere."""
-    out = np.zeros((*lines.shape[:-1], len(kept)), dtype=lines.dtype)
-    out[..., kept] = lines
-    return out
-
-
 def checked_mask(mask, n_pix):
     """A mask as (n_pix,) bool, True where kept; InputError for another shape or value, or nothing kept."""
     from himap.maps.masks import mask_weights  # here: it imports healpy, which takes a second
