@@ -365,10 +365,7 @@ summarised(records)
 # (transfer-larger)=
 # ## At higher resolution
 #
-# The same at `quick` and, of fewer skies, at `laptop`. Records that are named as stale at the head of this
-# chapter were measured while errors of HEALPix beyond $\ell = 2 n_\mathrm{side}$ were still drawn as
-# foreground. On skies that were measured with both, that makes the corrected $P$ of BeamSubspace too low, at
-# the lowest $k_\nu$ by up to about an error bar, and hardly moves those of other methods.
+# The same at `quick` and, of fewer skies, at `laptop`.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "quick", "laptop")
@@ -470,8 +467,8 @@ show_table(rows, columns=4)
 # - **A source in which HI is as bright as the foreground is not corrected well.** BeamSubspace with four
 #   sources loses more HI at the lowest $k_\nu$ than the mocks say, most on the real Galaxy. The estimated
 #   foreground has the right power there but is a Gaussian field, and that of the Galaxy is not. With three
-#   sources the corrected power at the lowest $k_\nu$ is too low as well at `laptop`, with both Galaxies, by
-#   more than an error bar, in part because of those errors of HEALPix.
+#   sources the mean at the lowest $k_\nu$ is off by up to about an error bar: too high at `ci` and `quick`,
+#   and too low at `laptop` with the synthetic Galaxy.
 # - **The error bars of GMCA are too large**, as are those of PCA at `laptop` and of BeamSubspace at `ci` with the
 #   real Galaxy. The residual of GMCA has much more foreground than HI at low $\ell$, so that they are mostly
 #   errors of the estimated foreground.
