@@ -50,7 +50,7 @@ class Scatter:
 def scatter_of(cleaned):
     """The `Scatter` of a `CleanedCube` with an ensemble.
 
-    Members differ from the medoid by a few spectra times maps, and so only these are transformed.
+    Members differ from the medoid by a few spectra times maps: for C_l only these are analysed.
     """
     cube, residual, ensemble = cleaned.cube, cleaned.residual, cleaned.ensemble
     near, powers = analysed(cube, residual), []
