@@ -180,7 +180,11 @@ more = {f"{n}{'x' * 1000}": good_maps()[:2] for n in range(100)}
 add("long names", "a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
 add("no such dataset", "good.h5 --maps cubes", "has no dataset cubes")
 add("no such dataset of frequencies", "good.h5 --freqs-name nus", "has no dataset nus")
-add("no sphere in HDF5", "good.h5 --maps freqs", "must be (n_channels, n_pix)")
+add(
+    "no sphere in HDF5",
+    "good.h5 --maps freqs",
+    "freqs must be (n_channels, n_pix) with n_pix = 12 nside^2, but the file has",
+)
 for path in ("good.fits", "good.npy"):
     add(f"--freqs-name of {path}", f"{path} --freqs nu.txt --unit mK --freqs-name x", "are for HDF5 files")
 

@@ -128,8 +128,8 @@ class Datasets:
         more = ", ..." if len(fitting) > LISTED else ""
         listing = f"{len(fitting)} are: {', '.join(fitting[:LISTED])}{more}"
         raise InputError(
-            f"{self.path}: one dataset must be {shape}, but "
-            f"{listing if fitting else f'it has {self.listing()}'}. Name it with --maps."
+            f"{self.path}: {name or 'one dataset'} must be {shape}, but "
+            f"{listing if fitting else f'the file has {self.listing()}'}. Name it with --maps."
         )
 
     def listing(self):
