@@ -381,6 +381,7 @@ for message, axes, cards in (
     ("two channels have the frequency 980 MHz", (*SKY["SIN"], FREQ), {}),
     ("must have the same axes of the sky", (*SKY["CAR"], up), {}),
     ("must have one unit", (*SKY["SIN"], up), {"BUNIT": "K"}),
+    ("only one has an axis FREQ", (*SKY["SIN"], ("", 1, 1, 1, "")), {}),
 ):
     low, more = partial(write_image, maps=images), partial(write_image, maps=images, axes=axes, **cards)
     add(f"images of which is said {message}", "folder", message, lambda low=low, more=more: (

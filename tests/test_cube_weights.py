@@ -150,6 +150,8 @@ class TestReading:
         assert fewer.mask.sum() == cube.mask.sum() - 2 and "2 pixels are left out" in fewer.remarks[-1]
         assert with_enough_channels(cube, PCA(n_sources=4)).mask.sum() == cube.mask.sum() - 4
         clean_cube(fewer, "pca", n_sources=4, peaks=False)
+        with pytest.raises(InputError, match="no pixel is seen in 25 channels or more"):
+            cube.seen_in(25)
 
 
 class TestCleaning:

@@ -113,7 +113,7 @@ class Cube:
         Raises
         ------
         InputError
-            A mask of another resolution, or that keeps nothing of what is seen.
+            A mask of another resolution, or that keeps nothing of what is seen, or one channel of it.
         """
         kept = checked_mask(mask, len(self.mask)) & self.mask
         if not kept.any():
@@ -126,11 +126,13 @@ class Cube:
         Raises
         ------
         InputError
-            There is none.
+            There is none, or as `within`.
         """
         if self.missing is None:
             return self
         few, kept = np.count_nonzero(~self.missing, axis=0) < n_channels, self.mask.copy()
+        if few.all():
+            raise InputError(f"no pixel is seen in {n_channels} channels or more.")
         kept[kept] = ~few
         remark = f"{few.sum()} pixels are left out, which fewer than {n_channels} channels see."
         return self._of(kept, remark) if few.any() else self

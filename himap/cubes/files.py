@@ -102,11 +102,12 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
     in another frame than that are rotated, if they may be (`rotate`).
     """
     with reading(path):
-        ways = [{}, {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}]
-        if axes is not None and format_of(path) != "HDF5" and not _header_fits(path, cube):
-            ways = [{"axes": axes}, {}]  # the shape of an array hardly says which axis is which
+        found, ways = None, [{}, {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}]
+        if axes is not None and format_of(path) != "HDF5":
+            # The shape of an array hardly says which axis is which: axes that are given come first.
+            found, ways = _read_by_header(path, cube), [{"axes": axes}, {}]
         try:
-            maps, layout = read_file(path, **ways[0])
+            maps, layout = found or read_file(path, **ways[0])
         except InputError:
             maps, layout = read_file(path, **ways[1])
         pixels = layout.pixels
@@ -116,18 +117,19 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
     return truth if cube is None else truth.channels_of(cube).in_frame_of(cube, str(path), rotate=rotate)
 
 
-def _header_fits(path, cube):
-    """Whether an image cube has the channels and the image of a `Cube` by its own header.
+def _read_by_header(path, cube):
+    """Maps and `Layout` of an image cube that has the channels and image of a `Cube` by its header, or None.
 
-    False where the header of the `Cube` has an axis of frequencies: axes that are given correct it, and
+    None too where the header of the `Cube` has an axis of frequencies: axes that are given correct it, and
     those of this one.
     """
     if cube is not None and not cube.layout.freqs_from.startswith("the axis FREQ"):
         with suppress(InputError):
-            layout = read_file(path)[1]
+            maps, layout = read_file(path)
             if layout.freqs is not None and layout.pixels.same(cube.layout.pixels):
-                return same_freqs(layout.freqs[:, None], cube.freqs).any(axis=0).all()
-    return False
+                near = same_freqs(layout.freqs[:, None], cube.freqs).any(axis=0)
+                return (maps, layout) if near.all() else None
+    return None
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):

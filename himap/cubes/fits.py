@@ -282,9 +282,13 @@ def _pixels_of(parts):
     first = ImagePixels(parts=tuple(parts[:1]))
     for part in parts[1:]:
         pixels = ImagePixels(parts=(part,))
-        if not first.same(pixels) or (part.freqs is None) != (parts[0].freqs is None):
+        if not first.same(pixels):
             raise InputError(
-                f"all images must have the same axes of the sky, and FREQ, or not: {parts[0]} has {first}, "
-                f"and {part} has {pixels}, or other coordinates; reproject them to one header."
+                f"all images must have the same axes of the sky: {parts[0]} has {first}, and {part} has "
+                f"{pixels}, or other coordinates; reproject them to one header."
+            )
+        if (part.freqs is None) != (parts[0].freqs is None):
+            raise InputError(
+                f"of {parts[0]} and {part} only one has an axis FREQ; write it into the header of the other."
             )
     return replace(first, parts=tuple(parts))

@@ -150,7 +150,8 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     several = n_sources if np.iterable(n_sources) else [n_sources]
     # A range may have no end.
     counts = [whole_number("n_sources", one, 0, n_channels) for one in islice(several, n_channels)]
-    if len(counts) < 2 or counts != [*range(max(counts[0], 1), n_channels)][: len(counts)]:
+    in_a_row = len(counts) > 1 and counts == [*range(counts[0], counts[0] + len(counts))]
+    if not in_a_row or counts[0] < 1 or counts[-1] >= n_channels:
         raise InputError(
             "n_sources (--from, --to) are two or more numbers in a row, from 1 to one less than there are "
             f"channels, {n_channels - 1}, got {n_sources}."
