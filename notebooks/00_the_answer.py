@@ -26,16 +26,16 @@
 # > - **Good to know**: what a power spectrum is.
 # > - **Time and memory**: {cost}`00_the_answer`.
 #
-# **SDecGMCA, the method of {cite:t}`carloni2021` that {cite:t}`gkogkou2025` apply, is chaotic in the
-# readings tested here**: a relative change of its start by $10^{-10}$ changes the column space of the mixing
+# **SDecGMCA, the method of {cite:t}`carloni2021` that {cite:t}`gkogkou2025` apply, is chaotic where the beam
+# changes with frequency, in all interpretations (*readings*) of the text tested here**: a relative change of its start by $10^{-10}$ changes the column space of the mixing
 # matrix (sine of the largest angle, in the median above $0.1$), in the public code as here, and these runs do
 # not reach the paper's stopping rule ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at
 # $10 < \ell < 200$ exceeds 10 %, and may then be off by orders of magnitude: through the oscillating beam
-# {glue:text}`15_claims.ipynb::claims_failing:s` members fail. Others differ by some per cent in that range and by more
+# {glue:text}`15_claims.ipynb::claims_failing:s` runs fail (skies times restarts, the *members* of an ensemble). Others differ by some per cent in that range and by more
 # elsewhere. **What holds all the same**: fits along each line of sight fail where the
 # beam oscillates with frequency, and with the paper's numbers of components SDecGMCA is, where a run does not
-# fail, the most accurate of the paper's six methods through the oscillating beam, and has the smallest error
-# in the worst of the three beams; through the degraded beam all differ little.
+# fail, the most accurate of the paper's six methods through the oscillating beam, and its largest error over
+# the three beams is the smallest of the six; through the degraded beam all differ little.
 # PCA with six components, more than the paper gives it, is
 # comparable at `quick` (a quarter of the paper's resolution; SDecGMCA in the reading `instrument-noise`); at
 # `laptop` it is further off than most runs of SDecGMCA, and nearer than their mean, in which those that fail
@@ -70,9 +70,9 @@
 # The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and
 # restarts, the second of {glue:text}`answer_large_restarts` restarts on one sky at the paper's size (`nside`
 # 256, 500 channels, and an HI box of 1024³ cells; {doc}`18_paper_size` has the paper's 2048³ too), without
-# the scan over the number of sources. Brackets after a number are 16 to 84 % of the members, after a share
-# its range over skies or, of one sky, the $1\,\sigma$ interval of its restarts. Causes of verdicts are in
-# {doc}`15_claims`. The figures are of that size, with the median and 16 to 84 % of eight restarts of SDecGMCA
+# the scan over the number of sources. Brackets after a number give the 16 to 84 % range of the members; after a
+# share, its range over skies or, for a single sky, the $1\,\sigma$ interval over restarts. {doc}`15_claims` lists
+# the records in which the failing parts hold. The figures are of that size, with the median and 16 to 84 % of eight restarts of SDecGMCA
 # (one in the scan).
 # {doc}`../book/status` states which of the records and figures are stale.
 
@@ -189,7 +189,7 @@ plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy 
 
 # %% [markdown]
 # The frequency power spectra: with the oscillating beam PCA, FastICA, GMCA and both fits have a peak at
-# $k_\nu = 0.3$ MHz$^{-1}$, of the runs of SDecGMCA some.
+# $k_\nu = 0.3$ MHz$^{-1}$, and so do some runs of SDecGMCA.
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-results-frequency", folder))
@@ -223,8 +223,8 @@ claims_of(2)
 # paper's size with the box of the figures and within {glue:text}`answer_evolving_large` with the paper's
 # box (one run, in an earlier reading of SDecGMCA). HI is brighter in finer cells, pixels
 # and channels: the decimal logarithm of the rms of the foregrounds over that of HI
-# is {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. A
-# fifth component removes these modes ({doc}`22_how_many`). GMCA has a larger excess than PCA, at lower
+# is {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. At
+# `quick` a fifth component removes these modes ({doc}`22_how_many`). GMCA has a larger excess than PCA, at lower
 # multipoles than in the paper.
 #
 # ## 3. The oscillating beam
@@ -237,8 +237,8 @@ claims_of(3)
 # its run does not fail**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median of all
 # members; the paper: 5 %). At the paper's size, on one sky, it is within 5 % in
 # {glue:text}`answer_large_held` of the ledger's {glue:text}`answer_large_restarts` restarts and in
-# {glue:text}`answer_figures_held` of the {glue:text}`answer_figures_restarts` of the first figure, other draws on
-# the same sky; of all of them O3 would be *{glue:text}`answer_all_verdict`* ({doc}`18_paper_size`). PCA,
+# {glue:text}`answer_figures_held` of the {glue:text}`answer_figures_restarts` of the first figure, which are independent
+# of these on the same sky; for all of them together O3 would be *{glue:text}`answer_all_verdict`* ({doc}`18_paper_size`). PCA,
 # without knowledge of the beam, needs more components, one more at `quick` and more than one at `laptop`
 # ({doc}`25_side_by_side`): on the synthetic Galaxy of {doc}`10_results` with one more its mean $C/C_0$ at $10
 # < \ell < 128$ is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA

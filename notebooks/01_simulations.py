@@ -395,7 +395,7 @@ beside
 # %% [markdown]
 # ### Radio galaxies
 #
-# The logarithm of the counts of sources per flux $S$ and solid angle, times $S^{2.5}$, is a fifth-order
+# The logarithm of the differential source counts, times $S^{2.5}$ with the flux $S$, is a fifth-order
 # polynomial in $\log S$ {cite:p}`battye2013`. Sources fainter than 10 mJy are a field {cite:p}`olivari2016`
 # with
 #
@@ -412,7 +412,7 @@ beside
 #
 # Clustering falls with $\ell$, Poisson power is constant, and at high $\ell$ the individual sources dominate.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: source counts over those of a Euclidean universe; sources of the thick part are placed individually. Right: angular power spectra of the faint sources (clustering and Poisson) and of all sources."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: Euclidean-normalised differential source counts; sources of the thick part are placed individually. Right: angular power spectra of the faint sources (clustering and Poisson) and of all sources."}}
 flux = np.geomspace(1e-6, 1, 200)
 bright = flux >= point_sources.FLUX_FAINT
 counts = flux**2.5 * point_sources.source_counts(flux)

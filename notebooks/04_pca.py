@@ -171,7 +171,7 @@ channel_figure(study, hardest, removers[hardest][0])
 angular_figure(study, removers)
 
 # %% [markdown]
-# The excess at small $k_\nu$ with the oscillating beam and the narrow peak at the period of the ripple, which
+# The excess at small $k_\nu$ with the oscillating beam and the narrow peak at the wavenumber of the ripple, which
 # the paper has too, are foreground that five components do not describe.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
@@ -179,7 +179,7 @@ frequency_figure(study, removers)
 
 # %% [markdown]
 # The table has means of the ratios over bands, and the highest ratio near
-# $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, the period of the ripple.
+# $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, the wavenumber of the ripple.
 
 # %% tags=["hide-input"]
 show(study.band_numbers(removers))
@@ -224,7 +224,7 @@ quote(
 #   {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
 # - **Oscillating beam, 5 components**: an excess at $\ell < 10$ ($C/C_0$ = {glue:text}`pca_largest_scales`),
 #   at $\ell > 10$ ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$
-#   ({glue:text}`pca_middle_oscillating`), and at the period of the ripple ({glue:text}`pca_ripple`). A sixth
+#   ({glue:text}`pca_middle_oscillating`), and at the wavenumber of the ripple ({glue:text}`pca_ripple`). A sixth
 #   component reduces the latter to {glue:text}`pca_ripple_of_six` and removes signal: $P/P_0$ is
 #   {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at
 #   $\ell < 10$.

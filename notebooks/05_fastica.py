@@ -198,7 +198,8 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contra
 # %% [markdown]
 # ## Dependence on the start
 #
-# The foregrounds share the Galactic plane and are not independent, so the contrast has several local extrema.
+# The contrast can have several local extrema, and the foregrounds, which share the Galactic plane, are not
+# independent.
 # Six separations from different random rotations are compared; a correlation of 1 means that the source is
 # recovered again. Of the five other runs {glue:text}`fastica_differ_degraded` differ from the first with three
 # sources (degraded beam), {glue:text}`fastica_differ_evolving` with four (evolving) and

@@ -24,8 +24,8 @@
 # Generalised morphological component analysis (GMCA) {cite:p}`bobin2007` assumes sources that are *sparse*:
 # in a wavelet basis a map has few large coefficients, and those of different sources are in different places.
 # It has been applied to 21 cm maps {cite:p}`chapman2013,carucci2020`. {cite:t}`gkogkou2025`
-# describe GMCA in Sect. 3.1.3. With the evolving beam they report an excess at intermediate and small scales,
-# which they consider likely due to its reliance on sparsity (Sect. 4.2.2). This chapter compares GMCA with PCA.
+# describe GMCA in Sect. 3.1.3. With the evolving beam they report an excess at intermediate and small
+# multipoles, which they consider likely due to its reliance on sparsity (Sect. 4.2.2). This chapter compares GMCA with PCA.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -113,17 +113,21 @@ study.stamped(plotting.sky_maps(scale_maps, limits=(2, 98)), beam=selected, n_sc
 
 # %% [markdown]
 # The finer the scale, the sparser it is and the earlier its curve rises: one coefficient in a thousand has
-# {glue:text}`gmca_share_finest` of the square sum of the finest, and {glue:text}`gmca_share_smooth` of that
+# {glue:text}`gmca_share_finest` of the sum of squares of the finest, and {glue:text}`gmca_share_smooth` of that
 # of the smooth one.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Share of the square sum of a scale of this channel in its largest coefficients, against their share in number."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Fraction of the sum of squares of a scale of this channel in its largest coefficients, against their fraction in number."}}
 counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
 curves, brightest = [], {}
 for n, (name, scale) in enumerate(scale_maps.items()):
     power = np.cumsum(np.sort(scale**2)[::-1])
     curves.append((counts / len(channel), power[counts - 1] / power[-1], looks[n % 5] | {"label": name}))
     brightest[name] = power[len(channel) // 1000 - 1] / power[-1]  # share of one coefficient in a thousand
-labels = {"xlabel": "share of the coefficients", "ylabel": "share of the square sum", "xscale": "log"}
+labels = {
+    "xlabel": "fraction of the coefficients",
+    "ylabel": "fraction of the sum of squares",
+    "xscale": "log",
+}
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 3.4)), beam=selected)
 
 # %% tags=["hide-input"]
@@ -153,7 +157,7 @@ quote(
 # ```
 #
 # with the pseudo-inverse $^{+}$ and a threshold $\mathcal{T}_\lambda$, soft (`l1`) or hard (`l0`); columns of
-# $\mathbf{A}$ have unit length. Thresholds start high and fall to $3\sigma$ over 50 iterations, with $\sigma$
+# $\mathbf{A}$ have unit length. Thresholds start at many $\sigma$ and fall to $3\sigma$ over 50 iterations, with $\sigma$
 # 1.48 times the median of the absolute coefficients of each source and scale. The iteration ends when the
 # foreground changes by less than a thousandth of the cleaned maps. The last
 # $\mathbf{S} = \mathbf{A}^{+}\,\mathbf{X}$ has **no** threshold, and the cleaned maps are
@@ -166,8 +170,8 @@ quote(
 # a projection again (but for masked peaks, as in {doc}`04_pca`), which depends only on the space of
 # $\mathbf{A}$; that of PCA leaves the smallest variance. The [conventions](../book/conventions.md) list what the paper leaves open about GMCA.
 #
-# The columns of $\mathbf{A}$ become nearly parallel, and sources of opposite sign cancel, so thresholds in mK
-# need not fall. $\mathbf{A}$ still drifts at the end, but the angle of its space to that of PCA hardly changes
+# The columns of $\mathbf{A}$ become nearly parallel, and the sources grow and cancel. $\sigma$ grows with them, so
+# that a threshold in mK can rise while it falls in units of $\sigma$. $\mathbf{A}$ still drifts at the end, but the angle of its space to that of PCA hardly changes
 # after the first iterations.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA."}}
@@ -332,8 +336,8 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # ## Conclusions
 #
 # - With the oscillating beam GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA.
-#   With the evolving beam the two are close, and the excess of GMCA that the paper reports at intermediate
-#   $\ell$ is not there (claim E3, {doc}`15_claims`).
+#   With the evolving beam the two are close on this sky; on the real Galaxy GMCA has an excess at the lowest
+#   $\ell$, and not at the intermediate $\ell$ of the paper (claim E3, {doc}`15_claims`).
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, single sources are not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #

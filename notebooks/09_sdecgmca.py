@@ -24,7 +24,7 @@
 #
 # PCA, FastICA and GMCA assume that a source has the same map in every channel. A beam that changes with
 # frequency smooths it differently in each. {cite:t}`gkogkou2025` therefore apply SDecGMCA
-# {cite:p}`carloni2021` (C21 below), which has the beam in its model: in harmonic space a circular beam is a
+# {cite:p}`carloni2021` (C21 below), which has the beam in its model: in harmonic space an axisymmetric beam is a
 # factor $\hat H_\nu^\ell$, and the mixture is (the paper's Eq. 21)
 #
 # ```{math}

@@ -96,7 +96,7 @@ angular_figure(study, removers, titles=titles)
 # ## Frequency power spectra
 #
 # At the smallest $k_\nu$ the ratios fall, where HI is as smooth as the foreground, unless a foreground
-# residual exceeds the loss. With the oscillating beam there is a narrow peak at the period of the ripple,
+# residual exceeds the loss. With the oscillating beam there is a narrow peak at the wavenumber of the ripple,
 # which the paper reports for all methods, lowest for SDecGMCA. A reading of SDecGMCA that ends at the last
 # $\ell$ of the inversion (`beyond=cut`) lacks the power beyond, most at high $k_\nu$.
 
@@ -107,7 +107,7 @@ frequency_figure(study, removers, titles=titles)
 # ## The numbers
 #
 # Means of both ratios over ranges of $\ell$ and of $k_\nu$ (MHz$^{-1}$), and the highest $P/P_0$ near
-# $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the period of the ripple. The last row is PCA with one component more
+# $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the wavenumber of the ripple. The last row is PCA with one component more
 # than in the paper.
 
 # %% tags=["hide-input"]

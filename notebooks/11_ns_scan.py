@@ -401,8 +401,8 @@ quote(
 #
 # The relative error is the sum of an *excess* ($S_i > S_i^0$: foreground residual) and a *loss*
 # ($S_i < S_i^0$: HI and noise removed with the foreground); only their net effect shows at each $i$. Every
-# source removes one of $N_\nu$ numbers for each direction or $(\ell, m)$, hence a share of about $1/N_\nu$ of
-# a signal without correlation between channels, and more of HI, which is correlated between channels at low
+# source removes one of the $N_\nu$ degrees of freedom per pixel or $(\ell, m)$, hence a fraction of about
+# $1/N_\nu$ of a signal that is uncorrelated between channels, and more of HI, which is correlated between channels at low
 # $\ell$.
 #
 # For PCA the excess falls steeply and the loss grows slowly with $n_s$; in the right panel its $P/P_0$

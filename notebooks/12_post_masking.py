@@ -325,8 +325,8 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 
 # %% [markdown]
 # On their flagged lines the foreground residual is at least {glue:text}`post_left_over_lost` times the
-# signal loss for PCA, FastICA and GMCA, and {glue:text}`post_sd_left_over_lost` times for SDecGMCA. Above 1
-# the rule flags *foreground*; well below, *bright HI* that was removed. For SDecGMCA signal loss is
+# signal loss for PCA, FastICA and GMCA, and {glue:text}`post_sd_left_over_lost` times for SDecGMCA. A
+# ratio above 1 means that the rule flags *foreground* residual, one well below that it flags lost *bright HI*. For SDecGMCA signal loss is
 # {glue:text}`post_hi_of_error` of the sum of both squares, and {glue:text}`post_top_of_error` of the
 # squared error is in the last tenth of the band (10 % expected if uniform in frequency).
 #

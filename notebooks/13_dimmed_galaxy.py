@@ -238,7 +238,7 @@ def gain_of(label):
 
 
 def at_ripple(comparison):
-    """P/P0 at the period of the ripple."""
+    """P/P0 at the wavenumber of the ripple."""
     return comparison.frequency_ratio[np.abs(comparison.k - 2 * np.pi / 20).argmin()]
 
 
@@ -410,7 +410,7 @@ quote(
 #   ranges overlap no change is established.
 # - **The peak** (G2): the maximum of $P/P_0$ at $0.25 < k_\nu < 0.38$ MHz$^{-1}$ is
 #   {glue:text}`dimmed_peak_pca` for PCA and FastICA and {glue:text}`dimmed_peak_sd` for SDecGMCA, which has
-#   {glue:text}`dimmed_ripple_sd` at the period of the ripple itself.
+#   {glue:text}`dimmed_ripple_sd` at the wavenumber of the ripple itself.
 # - **The range of multipoles** (G3, G4): the share within 10 % goes from {glue:text}`dimmed_within_pca_full` to
 #   {glue:text}`dimmed_within_pca` for PCA and FastICA, and from {glue:text}`dimmed_within_sd_full` to
 #   {glue:text}`dimmed_within_sd` for SDecGMCA; in the paper it grows for PCA, FastICA and

@@ -38,7 +38,7 @@
 # |---|---|
 # | ✓ reproduced | every main part holds in 84 % of the members or more |
 # | ≈ in part | of several methods that the paper names, the claim holds for some and not for others |
-# | ✗ not reproduced | a main part holds in 16 % of the members or less, and of several methods the claim holds for none and is undecided for none; *premise absent* if, for instance, there is no peak to lower |
+# | ✗ not reproduced | a main part holds in at most 16 % of the members and, if the claim names several methods, it is neither reproduced nor undecided for any of them; *premise absent* if, for instance, there is no peak to lower |
 # | ? undecided | any other share |
 # | – does not apply | the maps do not have the scales, or the scan does not have the number of sources |
 #
@@ -159,8 +159,8 @@ quote(
 )
 
 # %% [markdown]
-# The last column has the cause of each verdict that is not *reproduced*: the stored records (another size,
-# Galaxy or reading of SDecGMCA) in which all main parts hold that fail here. If only parts about other
+# For each verdict that is not *reproduced* the last column has the stored records (another size, Galaxy or
+# reading of SDecGMCA) in which all main parts hold that fail here. If only parts about other
 # methods fail, these methods come first, and other readings are not listed; if a part about SDecGMCA fails,
 # records with a single run of it are not. SD is SDecGMCA, POL and PAR are the two fits.
 
@@ -210,8 +210,8 @@ Markdown(choices_table(run, [Record.load(EXPERIMENT, LEDGER), *changed]))
 #
 # ## What is not tested
 #
-# The paper's sentences without a row are explanations, judgements, results of others, about what the
-# simulations do not have, or parts of a claim that no number here tests:
+# Sentences of the paper without a row are explanations, judgements, results of other authors, statements on
+# what is not simulated, or parts of claims that are not tested here:
 #
 # | the paper | not tested because |
 # |---|---|
@@ -236,7 +236,8 @@ Markdown(choices_table(run, [Record.load(EXPERIMENT, LEDGER), *changed]))
 # - O7 is judged by the size of the deviation; the paper describes an excess. A loss counts as an offset too.
 # - O8 is judged with the $\sigma$ of the clipping with which most of its main parts hold, at `laptop` that of
 #   the channel (an excess far above that of O2); with that of the line of sight, which all other claims use,
-#   they hold in almost no member. *Ripple* is any foreground that a smooth fit leaves, which beams without a
+#   they hold in almost no member. With the $\sigma$ of the channel B3 does not hold: no single clipping
+#   reproduces both. *Ripple* is any foreground that a smooth fit leaves, which beams without a
 #   ripple have too.
 # - N1 needs $n_s$ of 4 to 6 only, N2 of 10 as well: N2 does not apply to scans that end at 8.
 # - G3, G4: the range of $\ell$ cannot grow for a method that recovers nearly all of it with the full Galaxy.

@@ -28,8 +28,8 @@
 # {doc}`15_claims` is judged under {glue:text}`readings_count` readings: those with a name, and the default
 # with a single choice changed.
 #
-# - **default**: the reading that is most charitable to the paper, by a [rule](readings-default): the letter,
-#   continued beyond $\ell = 200$ by least squares without $\epsilon$.
+# - **default**: of the readings under which, within the scatter, most of the paper's statements hold, the one
+#   closest to the text, by a [rule](readings-default): the letter, continued beyond $\ell = 200$ by least squares without $\epsilon$.
 # - **letter**: contradicts no statement of the text; usual choices where it is silent.
 # - **code**: the steps of the public code of {cite:t}`carloni2021` with the paper's Table 1, the beam as in its example, and no thresholds in the last $\mathbf{S}$.
 # - **code-rounding**: the same with the eigenvalues of the last $\mathbf{S}$ floored at rounding, instead of $10^{-9}$ of the largest.
@@ -210,14 +210,14 @@ plotting.stamp(curves_figure(outcomes), made)
 # (readings-default)=
 # ## Choice of the default
 #
-# The rule is charity, not performance: of the named readings, with each treatment of the multipoles beyond
+# The rule favours agreement with the paper, not accuracy: of the named readings, with each treatment of the multipoles beyond
 # $\ell = 200$, the default should be that under which most of the paper's statements on SDecGMCA hold. A
 # reading that fails often can score high too. A main part that holds in a share $p$ of the members of a sky,
 # compared with the truth at all multipoles, counts $p$; skies weigh the same, and a tie goes to the candidate
 # with fewer departures from the text. The rule is for `laptop`, as maps at `ci` end at $\ell = 64$ and cannot
 # test what the paper states up to 200. It selects on the skies of two seeds,
 # {glue:text}`readings_selection`, and confirms on those of three others, {glue:text}`readings_confirmation`.
-# Where the others deny the selection, the mean over all skies decides.
+# If these do not confirm the selection, the mean over all skies decides.
 #
 # The tables have this count, departures and failures for each stored ensemble; candidates share starts and
 # skies. *First* is the share of resamples of the skies, drawn with replacement, in which a candidate has the

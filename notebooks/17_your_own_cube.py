@@ -145,8 +145,8 @@ show(
 # %% [markdown]
 # ## Cleaning
 #
-# PCA works on each line of sight, whatever pixels are missing. Methods that transform maps need a
-# continuation where nothing is observed ({doc}`24_masks`). `--mask` restricts the cleaning to a part of the
+# PCA works on each line of sight, whatever pixels are missing. Methods that transform maps need
+# unobserved pixels inpainted ({doc}`24_masks`). `--mask` restricts the cleaning to a part of the
 # sky.
 
 # %%

@@ -25,7 +25,7 @@
 # > - **Read first**: {doc}`15_claims`.
 # > - **Time and memory**: {cost}`18_paper_size`.
 #
-# The chapters use the preset `quick`, and the ledger is measured at `laptop`. This page has the claims and the
+# Most chapters use the preset `quick`, and the ledger is measured at `laptop`. This page has the claims and the
 # figures at the paper's size, `nside` 256 and 500 channels of 1 MHz. The largest difference in the foreground
 # is that the real Galaxy is made of templates of nside 64 with small scales drawn at random, where those
 # of PySM, which the paper uses, have nside 512; {doc}`../book/conventions` lists the others. One ledger has several restarts of

@@ -36,7 +36,8 @@
 # \hat P = \frac{P - b}{T} .
 # ```
 #
-# $T$ is the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the power of the residual
+# $r$ and $m$ are harmonic or Fourier coefficients, and $P$ is the power of the residual of the data. $T$ is
+# the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the power of the residual
 # beyond $T\, \langle |m|^2 \rangle$, and $\hat P$ the corrected spectrum. The truth $m$ is HI and noise, through
 # the beam. The error bar is the root mean square of $\hat P / |m|^2 - 1$ of the members, each corrected by the
 # others, times Student's factor for their number. The paper has no such correction.
@@ -149,7 +150,7 @@ panels = [
 
 # %% [markdown]
 # $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground;
-# that of PCA has a minimum at the period of the ripple too.
+# that of PCA has a minimum at the wavenumber of the ripple too.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Cross power of residual and mock over the power of the mock, by multipole (left, in bins) and wavenumber (right)."}}
 study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
@@ -454,12 +455,12 @@ show_table(rows, columns=4)
 # %% [markdown]
 # - **The foreground residual is estimated without the truth and subtracted** (column *foreground*). It is
 #   largest for GMCA, and for PCA at `laptop`.
-# - **The correction is only as good as the estimated foreground.** Its power is what the data have beyond the
-#   mocks, of which only the shape in $k_\nu$ counts, since the power of HI and noise is that of the data in
-#   spectra that are not smooth. How well it is known is in the error bar, since each member draws its own. It
+# - **The correction is only as good as the estimated foreground.** Its power is the excess of the data
+#   over the mocks, whose amplitude is scaled to the data in modes that are not smooth in frequency, so that only
+#   their shape in $k_\nu$ matters. Its uncertainty is in the error bar, since each member draws its own. It
 #   is assumed that foregrounds are smooth, that the beam is right, and that HI has the shape of the mocks.
-# - **So the correction is a systematic error too.** As that is assumed and not measured, the whole of what was
-#   subtracted is quoted, and added in quadrature. That is too cautious where much was subtracted, as for
+# - **So the correction is a systematic error too.** As it rests on assumptions, all of the subtracted power is
+#   quoted, and added in quadrature. That is too cautious where much was subtracted, as for
 #   GMCA, PCA at `laptop`, and BeamSubspace with three sources on the real Galaxy.
 # - **The error bars of SmoothSpectra are too small** at `quick`, most with the synthetic Galaxy, and at
 #   `laptop` with the real one. Its means at the lowest $\ell$, with the synthetic Galaxy also at the lowest

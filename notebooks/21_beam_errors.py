@@ -265,8 +265,8 @@ quote(
 # - **From five sources on most tolerated errors grow**, with the real Galaxy not that of a ripple that the
 #   beam does not have nor, with five, that of the period. The price is the signal loss of each source, which
 #   mocks can correct. A fourth source lowers the residual at large errors and hardly changes the tolerated
-#   error, which is the first one that exceeds the limit: with five sources the residual has its maximum at
-#   similar errors, some of these just below the limit.
+#   error, at which the residual first exceeds the limit. With five sources the residual has its maximum at
+#   similar errors, in some cases just below the limit.
 # - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a
 #   foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and
 #   {glue:text}`beams_lobes_right_real` (real), over the power of HI and noise; with Gaussians of the right

@@ -31,8 +31,8 @@
 #
 # | criterion | recommends |
 # |---|---|
-# | BIC | the minimum of the mean over channels of $\ln \sigma^2_\nu$ of the residual, plus $\ln N / N$ over the number of channels for each number in $A$ and $S$, $N$ pixels; {cite:t}`schwarz1978` |
-# | AIC | the same with $2 / N$; {cite:t}`akaike1974` |
+# | BIC | the minimum of $\langle \ln \sigma_\nu^2 \rangle_\nu + n_\mathrm{par} \ln N / (N N_\nu)$, with $\sigma_\nu^2$ the variance of the residual in a channel, $n_\mathrm{par}$ the number of entries of $A$ and $S$, and $N$ pixels; {cite:t}`schwarz1978` |
+# | AIC | the same with 2 in place of $\ln N$; {cite:t}`akaike1974` |
 # | eigenvalues | the number of eigenvalues of the channel covariance that exceed the line of HI and noise by a factor of 3; for a beam-aware method, of maps at one resolution |
 # | stability | the first number after which one more source changes no spectrum by 10 % or more |
 # | mocks | the same with 3 %, for spectra corrected for signal loss ({doc}`20_transfer_function`), which only foreground changes |
@@ -106,7 +106,7 @@ panels = [
         "ylabel": "variance [mK$^2$]",
         "curves": [],
     },
-    {"title": "BIC", "yscale": "symlog", "ylabel": "BIC per voxel, less its least", "curves": []},
+    {"title": "BIC", "yscale": "symlog", "ylabel": "BIC per voxel minus its minimum", "curves": []},
     {"title": "change with one source more", "yscale": "log", "ylabel": "relative change", "curves": []},
     {"title": "distance from the truth", "yscale": "log", "ylabel": "worst band, |ratio - 1|", "curves": []},
 ]

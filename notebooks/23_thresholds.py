@@ -206,7 +206,7 @@ curves.append((bold, compared("smooth_spectra", smooth.n_sources, known)))
 # %% [markdown]
 # The ratio of SmoothSpectra should be smooth and below 1; the corrected ratio (dotted) should be 1. A curve that crosses 1 can have a mean near 1 and large errors.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA (one run) with the paper's number of sources and of the other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; ratios to the truth up to a last multipole; black: with the noise beyond it. Grey band: 10 %."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-corrected", "caption": "Spectra of the residuals of SDecGMCA (one run) with the paper's number of sources and of the other methods with four, unless given otherwise; of SmoothSpectra also divided by the share that it is expected to preserve; ratios to the truth up to the last multipole of the separation; black: P(k) with the noise beyond it too. Grey band: 10 %."}}
 both_figure(study, case.beam, curves)
 
 # %% [markdown]

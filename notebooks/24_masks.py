@@ -31,10 +31,10 @@
 # \min_{s} \sum_\nu \sum_{p\ \mathrm{kept}} \Big( x_\nu(p) - \sum_{\ell m} Y_{\ell m}(p)\, H_{\nu\ell}\, (A s)_{\nu \ell m} \Big)^2
 # ```
 #
-# with sources that are free elsewhere. Any continuation of the maps by $H A s$ leaves this unchanged. The few
-# bright maps are therefore continued smoothly over the masked sky, and the method works on the full sky;
-# sources within two beam widths of the edge, where the continuation is uncertain, have low weight in the fit
-# of $A$.
+# with sources that are free elsewhere. Masked pixels do not enter the sum: filling them with the model $H A s$
+# adds nothing to it. The few bright maps are therefore inpainted smoothly over the mask, and the method works on
+# the full sky; sources within two beam widths of the edge, where the inpainting is uncertain, have low weight in
+# the fit of $A$.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper

@@ -85,8 +85,8 @@ nside, n_channels = study.survey.nside, study.survey.n_channels
 # %% [markdown]
 # ## The survey
 #
-# Dishes scan at one elevation while the sky drifts. Hits are most where many blocks overlap, and the noise
-# falls with their square root. A few channels are flagged completely, others in bursts, and some voxels singly
+# Dishes scan at one elevation while the sky drifts. Hit counts are highest where many scans overlap, and the
+# noise falls with their square root. A few channels are flagged completely, others in bursts, and some voxels singly
 # (`himap.paper.patch.Patch`). Compare the edge of the patch with its middle.
 
 # %% tags=["hide-input"]
@@ -412,7 +412,7 @@ quote(
 # For {glue:text}`survey_pca` on this sky, as shares of the power of HI and noise (means as in the tables:
 # single bins deviate more, as the figure shows):
 #
-# | | residual at small $k_\nu$ | error at large $k_\nu$ | corrected: deviation of the worst mean |
+# | | residual at $k_\nu < 0.3$ MHz$^{-1}$ | error at $k_\nu > 0.3$ MHz$^{-1}$ | corrected: deviation of the worst mean |
 # |---|---|---|---|
 # | weights and flags | {glue:text}`survey_weighted_low` | {glue:text}`survey_weighted` | {glue:text}`survey_weighted_corrected` |
 # | flags alone | {glue:text}`survey_flagged_low` | {glue:text}`survey_flagged` | {glue:text}`survey_flagged_corrected` |
@@ -425,10 +425,10 @@ quote(
 # - **Signal loss is larger for a small patch** than for the full sky; mocks through the same gaps measure it.
 # - **Fits are less sensitive to gaps**, except at the smallest $k_\nu$ after correction, and insensitive to
 #   weights of pixels, since each line of sight is fitted separately. The residual of the
-#   {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at small $k_\nu$ through this beam.
+#   {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at $k_\nu < 0.3$ MHz$^{-1}$ through this beam.
 #
 # ```sh
-# himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat_lobes --mocks 10 --mock-noise 0.15 -o transfer.html
+# himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat --mocks 10 --mock-noise 0.15 -o transfer.html
 # ```
 #
 # ## Exercise

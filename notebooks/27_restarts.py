@@ -178,8 +178,8 @@ Table(
 # iteration on ($K = 1$, one warm-up iteration). *Instrument's noise* sets the thresholds by the propagated
 # noise instead of the median absolute deviation (MAD) of each scale.
 #
-# Without $K$ alone the growth remains, because the MAD includes the signal: three times its scatter removes
-# most of a field. With the instrument's noise, without $K$ and with free signs of $\mathbf{A}$, the change
+# Removing $K$ alone does not stop the growth, because the MAD is that of signal and noise together: a threshold
+# of three times the MAD removes most coefficients. With the instrument's noise, without $K$ and with free signs of $\mathbf{A}$, the change
 # stays below {glue:text}`restarts_stable`; with $\mathbf{A} \geq 0$ it grows slowly.
 
 # %% tags=["hide-input"]
@@ -439,9 +439,9 @@ else:
 #   result needs its scatter over restarts.
 # - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources,
 #   through $K$ and through thresholds from the MAD.
-# - Without the eigenvalue floor of $10^{-9}$ in the last step few runs of `code` fail. Nor have the default and
-#   the letter this floor, but their $\mathbf{A}$ differs from that of `code`; through the oscillating beam the
-#   intervals of their shares of failures overlap with its, so that these restarts do not rank the readings.
+# - Without the eigenvalue floor of $10^{-9}$ in the last step few runs of `code` fail. The default and
+#   the letter do not have this floor either, but their $\mathbf{A}$ differs from that of `code`. Through the
+#   oscillating beam the intervals of the failure rates overlap, so that these restarts do not rank the readings.
 # - Without the truth, most failures show as a residual that follows the foreground, or is far from that of the
 #   medoid if that has not failed. The stopping rules flag all runs.
 #

@@ -226,7 +226,7 @@ class TestRatios:
         assert texts(first.get_yticklabels())[:2] == ["0.8", "0.9"]
         assert len(figure.legends[0].get_texts()) == 1
         rows = rows_of(figure)
-        assert ["sky", "one, mean", "100", "30"] in rows and ["sky", "one, high", "100", "33"] in rows
+        assert ["sky", "one, middle", "100", "30"] in rows and ["sky", "one, high", "100", "33"] in rows
 
 
 class TestMarks:

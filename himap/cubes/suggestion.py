@@ -53,7 +53,7 @@ class Suggestion:
     n_bright
         How many eigenvalues exceed the line.
     criterion
-        BIC over the number of pixels and channels, less its least, (n,).
+        BIC over the number of pixels and channels, minus its minimum, (n,).
     change
         Largest relative change of C_l (of images P(k_perp, k_par)) and P(k), in the mean over scales, to the
         next n_s, (n - 1,).
@@ -268,7 +268,7 @@ def views_figure(suggestion):
         {
             "title": "Information criterion",
             "xlabel": "number of sources",
-            "ylabel": "BIC per voxel, less its least",
+            "ylabel": "BIC per voxel minus its minimum",
             "yscale": "symlog",
             "curves": [(counts, suggestion.criterion, blue)],
         },

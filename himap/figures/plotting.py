@@ -281,7 +281,7 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     Parameters
     ----------
     panels
-        A list of dicts: "curves", a list of (x, mean, low, high, style), arrays (n,); and anything
+        A list of dicts: "curves", a list of (x, middle, low, high, style), arrays (n,); and anything
         `Axes.set` takes. Curves of one label are the same in all panels; one legend is above.
     columns, size
         Of panels, which share the axis of ratios.
@@ -291,10 +291,10 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     points = []
     for axes, name, panel in zip(grid, panel_names(panels), panels, strict=True):
         _mark_one(axes, "0.93")
-        for x, mean, low, high, style in panel["curves"]:
+        for x, middle, low, high, style in panel["curves"]:
             axes.fill_between(x, low, high, color=style["color"], alpha=0.18, linewidth=0)
-            axes.plot(x, mean, **style)
-            for which, y in (("mean", mean), ("low", low), ("high", high)):
+            axes.plot(x, middle, **style)
+            for which, y in (("middle", middle), ("low", low), ("high", high)):
                 points.append((name, f"{style['label']}, {which}", x, y))
         axes.set(xscale="log", **{key: value for key, value in panel.items() if key != "curves"})
         set_plain_ticks(axes.xaxis, *axes.get_xlim())

@@ -34,7 +34,7 @@ def n_significant(values):
 
 
 def information(variances, counts, n_pix, *, n_seen=None, kind="bic"):
-    """An information criterion over the number of voxels, less its least, (n,).
+    """An information criterion over the number of voxels, minus its minimum, (n,).
 
     The mean over channels of ln(variance), and ln(n_pix) / n_pix ("bic", Schwarz 1978) or 2 / n_pix ("aic",
     Akaike 1974) for each number in the mixing matrix and the sources, over the number of channels. Where

@@ -17,7 +17,7 @@ _PANELS = {"C/C0": "angular", "P/P0": "frequency"}
 _BAND_GAP = 0.15  # of the distance of two bands: between the points of two methods
 _CLOSE = 0.01
 _REACH, _ROOM = 0.2, 0.02  # of an axis of power over that of the truth: least about 1, and beyond points
-_RANGE = (16, 84)  # percentiles over skies: what is shaded
+_BANDS = (50, 16, 84)  # percentiles over skies: the line, and what is shaded
 _WIDTH = 9.3  # inches, of all columns
 
 
@@ -102,7 +102,7 @@ def beam_errors_figure(table):
 
 
 def methods_figure(tables, kind, *, corrected=False):
-    """C/C0 or P/P0, mean over skies and the range of 16 to 84 %; a panel for each table and beam.
+    """C/C0 or P/P0, median over skies and the range of 16 to 84 %; a panel for each table and beam.
 
     Parameters
     ----------
@@ -128,8 +128,7 @@ def methods_figure(tables, kind, *, corrected=False):
             for key, rows in through.groupby(METHOD, sort=False):
                 ratios = rows.pivot(index="low", columns="seed", values="ratio").to_numpy()
                 x = middles(rows[rows["seed"] == rows["seed"].iloc[0]]).to_numpy()
-                ends = np.percentile(ratios, _RANGE, axis=1)
-                curves.append((x, ratios.mean(axis=1), *ends, looks[labels[key[:3]]]))
+                curves.append((x, *np.percentile(ratios, _BANDS, axis=1), looks[labels[key[:3]]]))
             texts = [title, beam if table["beam"].nunique() > 1 else ""]
             panels.append({"title": ", ".join(filter(None, texts)), "curves": curves, **_labels(kind)})
     if not panels:

@@ -130,7 +130,7 @@ class LedgerTable:
             claims = [self._row(entry) for entry in self.entries if entry.claim.section == section]
             if claims:
                 rows += [["", HTML(f"<strong>{title}</strong>"), "", "", "", ""], *claims]
-        return Table(["", "claim", "verdict", "measured", "paper", "cause"], rows).html()
+        return Table(["", "claim", "verdict", "measured", "paper", "fails for; holds in"], rows).html()
 
     def _row(self, entry):
         claim = {name: html.escape(getattr(entry.claim, name)) for name in _WORDS}
