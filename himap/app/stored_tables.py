@@ -106,10 +106,10 @@ def ledgers_table(ledgers, only=None, others=None):
         A list of (entries, about), as `himap.app.stored.read_ledger` gives them.
     only
         Function from the entries of one claim, one of each ledger, to whether it is shown; all claims unless
-        given, and then their count as well.
+        given, and then the count of verdicts of those with several runs as well.
     others
-        As of `himap.paper.ledger_table.cause`, for a column with what the verdict in the first ledger is due
-        to.
+        As of `himap.paper.ledger_table.cause`, for a column with where the parts hold that fail in the first
+        ledger.
     """
     names = []
     for name, (entries, _) in zip(_ledger_names(ledgers), ledgers, strict=True):
@@ -125,10 +125,18 @@ def ledgers_table(ledgers, only=None, others=None):
     if only is None:
         counts = [
             [f"{BADGES[verdict][0]} {n}" for verdict, n in summary(entries).items() if n]
+            if not any(entry.is_single_run for entry in entries)
+            else ["one run"]
             for entries, _ in ledgers
         ]
         rows.append(["all", "", "", *map(" · ".join, counts), *([] if others is None else [""])])
-    head = ["Claim", "Measured", "The paper says", *names, *([] if others is None else ["Cause"])]
+    head = [
+        "Claim",
+        "Measured",
+        "The paper says",
+        *names,
+        *([] if others is None else ["Fails for; holds in"]),
+    ]
     table = _markdown(head, rows)
     # The words that all have in common are in a paragraph of their own.
     footers = [Provenance.of_stored(about).footer().split(" · ") for _, about in ledgers]
