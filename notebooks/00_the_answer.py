@@ -27,21 +27,22 @@
 # > - **Time and memory**: {cost}`00_the_answer`.
 #
 # **SDecGMCA, the method of {cite:t}`carloni2021` that {cite:t}`gkogkou2025` apply, is chaotic where the beam
-# changes with frequency, in all interpretations (*readings*) of the text tested here**: a relative change of its start by $10^{-10}$ changes the column space of the mixing
-# matrix (sine of the largest angle, in the median above $0.1$), in the public code as here, and these runs do
-# not reach the paper's stopping rule ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at
-# $10 < \ell < 200$ exceeds 10 %, and may then be off by orders of magnitude: through the oscillating beam
-# {glue:text}`15_claims.ipynb::claims_failing:s` runs fail (skies times restarts, the *members* of an ensemble). Others differ by some per cent in that range and by more
-# elsewhere. **What holds all the same**: fits along each line of sight fail where the
-# beam oscillates with frequency, and with the paper's numbers of components SDecGMCA is, where a run does not
-# fail, the most accurate of the paper's six methods through the oscillating beam, and its largest error over
-# the three beams is the smallest of the six; through the degraded beam all differ little.
-# PCA with six components, more than the paper gives it, is
-# comparable at `quick` (a quarter of the paper's resolution; SDecGMCA in the reading `instrument-noise`); at
-# `laptop` it is further off than most runs of SDecGMCA, and nearer than their mean, in which those that fail
-# count ({doc}`25_side_by_side`). **For your data** compare several restarts of SDecGMCA, or use a method without a
-# chaotic iteration, such as BeamSubspace, which with as many sources loses more HI at low $\ell$
-# ([a table by what you have](what-to-use)).
+# changes with frequency, in all interpretations (*readings*) of the text tested here**: a relative change of
+# its start by $10^{-10}$ changes the column space of the mixing matrix (sine of the largest angle, in the median
+# above $0.1$), in the public code as here, and these runs do not reach the paper's stopping rule
+# ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at $10 < \ell < 200$ exceeds 10 %, and may
+# then be off by orders of magnitude: through the oscillating beam
+# {glue:text}`15_claims.ipynb::claims_failing:s` runs fail (skies times restarts, the *members* of an ensemble).
+# Others differ by some per cent in that range and by more elsewhere. **What holds all the same**: fits along
+# each line of sight fail where the beam oscillates with frequency, and with the paper's numbers of components
+# SDecGMCA is, where a run does not fail, the most accurate of the paper's six methods through the oscillating
+# beam, and its largest error over the three beams is the smallest of the six; through the degraded beam all
+# differ little. PCA with six components, more than the paper gives it, does not fail and is comparable to the
+# median of SDecGMCA at `quick`, a quarter of the paper's resolution, where SDecGMCA fails on
+# {glue:text}`25_side_by_side.ipynb::side_failed:s` of {glue:text}`25_side_by_side.ipynb::side_total:s` skies; at
+# `laptop` PCA needs more than six ({doc}`25_side_by_side`). **For your data** compare several restarts of
+# SDecGMCA, or use a method without a chaotic iteration, such as BeamSubspace, which with as many sources loses
+# more HI at low $\ell$ ([a table by what you have](what-to-use)).
 #
 # This page quotes an ensemble of runs, on the real Galaxy, at half the paper's resolution (`laptop`) and in
 # the default reading, which follows the paper's text up to $\ell = 200$ ({doc}`16_readings`). Of the

@@ -17,6 +17,7 @@ from himap.paper.experiments.methods import (
     METHOD,
     curves,
     distances,
+    failures,
     in_bands,
     middles,
     skies,
@@ -168,6 +169,10 @@ class TestSummary:
         assert distances([two_skies(), good]) == {key: pytest.approx(0.15)}  # not that of C/C0, 2-4
         assert distances([good, two_skies(ratio=0.6)]) == {key: pytest.approx(-0.4)}
 
+    def test_failures_are_counted_over_all_tables(self):
+        tables = [two_skies(ratio=1.09), two_skies(ratio=1.11), two_skies(ratio=2.0, corrected=True)]
+        assert failures(tables) == {("degraded", "pca", 3): 2}
+
     def test_a_failure_on_one_sky_does_not_decide(self):
         failed = table_of(ANGULAR + ALONG, seed=3, ratio=1e3)
         (distance,) = distances([pd.concat([two_skies(), failed])]).values()
@@ -218,9 +223,10 @@ class TestFigure:
         rows += table_of(ANGULAR, **high, corrected=True).to_dict("records")
         header, (row,) = methods_table([EXPERIMENT.frame(rows)])
         through = ("degraded", "oscillating")
-        assert header == ["method", *through, *(f"{beam}, corrected" for beam in through)]
+        more = "fails on, of 2 skies"
+        assert header == ["method", *through, *(f"{beam}, corrected" for beam in through), more]
         percents = [text and f"{text}\N{NO-BREAK SPACE}%" for text in ("+15", "+200", "", "+200")]
-        assert row == ("PCA 3/5", *(text or "–" for text in percents))
+        assert row == ("PCA 3/5", *(text or "–" for text in percents), "2 / 1")
 
     @pytest.mark.parametrize(
         ("value", "text"), [(-0.0344, "−3.4 %"), (0.002, "+0.2 %"), (-0.12, "−12 %"), (np.nan, "–")]

@@ -8,7 +8,7 @@ import pandas as pd
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.measures import diagnostics
-from himap.measures.diagnostics import BANDS, JUDGED, bands
+from himap.measures.diagnostics import BANDS, FAILING, JUDGED, bands
 from himap.paper import grid
 from himap.paper.record import Experiment
 from himap.store.store import product
@@ -149,6 +149,26 @@ def distances(tables):
     medians = pd.concat([in_bands(table).groupby([*METHOD, "band"], sort=False).median() for table in tables])
     judged = medians[medians.index.get_level_values("band").isin(JUDGED)] - 1
     return judged.groupby(METHOD, sort=False).agg(lambda one: max(one, key=abs)).to_dict()
+
+
+def failures(tables):
+    """On how many skies each method fails, with a mean |C/C0 - 1| at 10 < l < 200 of more than `FAILING`.
+
+    Of all skies of some tables of the experiment, uncorrected.
+
+    Returns
+    -------
+    dict
+        {(beam, method, n_sources): number of skies}.
+    """
+    rows = pd.concat([table.assign(table=n) for n, table in enumerate(tables)])
+    degree = middles(rows)
+    rows = rows[(rows["kind"] == "angular") & (degree > 10) & (degree < 200)]
+    weight = widths(rows)
+    weighed = rows.assign(error=weight * (rows["ratio"] - 1).abs(), weight=weight)
+    sums = weighed.groupby([*METHOD, "table", "seed"], sort=False)[["error", "weight"]].sum()
+    failed = (sums["error"] / sums["weight"] > FAILING).groupby(METHOD, sort=False).sum()
+    return {key[:3]: int(n) for key, n in failed.items() if not key[3]}
 
 
 def _summary(table):
