@@ -1,4 +1,4 @@
-"""The chapters of what was measured once say what the files in book/results say."""
+"""The chapters of what was measured once say what the files in book/results say, and draw their curves."""
 
 import json
 import re
@@ -6,6 +6,7 @@ import subprocess
 from dataclasses import replace
 
 import nbformat
+import numpy as np
 import pytest
 from conftest import ROOT
 from ledgers import ABOUT, entry, finding
@@ -15,11 +16,14 @@ from benchmarks.whole import COMMANDS
 from himap.app.notebooks import find
 from himap.app.stored import LEDGER, RESULTS, extrapolated, other_records, read_ledger, read_stored
 from himap.app.stored_tables import (
+    angular_ratios,
     choices_table,
     endurance_table,
     ledgers_table,
+    picture,
     pictures,
     steps_table,
+    stored_curves,
     verdicts_table,
 )
 from himap.core.errors import InputError
@@ -84,6 +88,7 @@ def test_the_chapters_show_what_is_stored_today():
 
 @pytest.mark.parametrize("name", ["steps_paper", "steps_laptop"])
 def test_every_step_has_a_row(name):
+    """What misses its goal is bold."""
     found = read_stored(name)
     ((head, *rows),) = tables(steps_table(found))
     assert len(rows) == len(found["steps"]) == 12
@@ -102,17 +107,8 @@ def test_every_step_has_a_row(name):
             assert number(cells["Alternative"]) == pytest.approx(times, rel=0.06)
         if "Goal" in cells:
             assert number(cells["Goal"]) == step["goal_seconds"]
-
-
-def test_what_misses_its_goal_is_bold():
-    found = read_stored("steps_paper")
-    missed = [
-        round(step[have])
-        for step in found["steps"]
-        for have, goal in (("seconds", "goal_seconds"), ("memory_gb", "goal_gb"))
-        if step[have] > step[goal]
-    ]
-    assert [round(number(text)) for text in re.findall(r"\*\*(.*?)\*\*", steps_table(found))] == missed
+            assert ("**" in cells["Time"]) == (step["seconds"] > step["goal_seconds"])
+            assert ("**" in cells["Memory"]) == (step["memory_gb"] > step["goal_gb"])
 
 
 def test_the_whole_paper_is_as_it_was_timed():
@@ -183,9 +179,6 @@ def test_all_that_is_stored_is_shown():
     assert set(folders) == {path.parent.name for path in RESULTS.glob("*/figures.json")}
 
 
-MADE = {"preset": "ci", "galaxy": "synthetic", "seed": 1, "commit": "abc", "dirty": False, "seconds": 1.0}
-
-
 def ledger_of(verdict, *, overrides=()):
     """A ledger (entries, about) of three claims; D1 has `verdict`."""
     entries = [
@@ -193,7 +186,7 @@ def ledger_of(verdict, *, overrides=()):
         entry(REPRODUCED, id="O3"),
         entry(INAPPLICABLE, id="M2", values=[None]),
     ]
-    return entries, MADE | {"overrides": [list(one) for one in overrides], "version": "1", "packages": []}
+    return entries, ABOUT | {"overrides": [list(one) for one in overrides]}
 
 
 def test_ledgers_stand_side_by_side():
@@ -241,14 +234,8 @@ def test_choices_that_change_a_verdict():
     other = experiment.frame(
         [{"seed": 1} | row for row in finding_rows({"D1": finding(IN_PART), "O3": finding(FAILED)}, 0)]
     )
-    records = [
-        replace(ledger, rows=some, about=ABOUT | {"overrides": [[name, value]]})
-        for some, name, value in (
-            (first, "polynomial", "logarithm"),
-            (other, "taper", "hann"),
-            (other, "average", "means"),
-        )
-    ]
+    choices = (first, ["polynomial", "logarithm"]), (other, ["taper", "hann"]), (other, ["average", "means"])
+    records = [replace(ledger, rows=rows, about=ABOUT | {"overrides": [one]}) for rows, one in choices]
     ((head, *rows),) = tables(choices_table(ledger, records))
     assert head[1:] == ["Members", "Verdicts that change (methods whose parts do)"]
     assert [[cell.replace("\N{NO-BREAK SPACE}", " ") for cell in row] for row in rows] == [
@@ -340,3 +327,67 @@ def test_stored_results_are_of_commits_that_there_are():
     answers = git("cat-file", "--batch-check", given=asked).splitlines()
     pairs = zip(commits.items(), answers, strict=True)
     assert commits and not [found for found, answer in pairs if answer.endswith(("missing", "ambiguous"))]
+
+
+FIGURES = {
+    "figures": [
+        {
+            "name": "fig-one",
+            "paper": "1",
+            "parameters": {"preset": "paper", "galaxy": "templates"},
+            "execution": {"himap": "0.1.0", "commit": "abc1234", "dirty": False, "seconds": 60},
+            "panels": {
+                "sky": [
+                    {"x": list(range(1, 400)), "y": {"HI + noise": [2.0] * 399, "PCA": [3.0] * 399}},
+                    {"x": list(range(5, 201)), "y": {"SDecGMCA": [1.0] * 196, "other": [9.0] * 196}},
+                ]
+            },
+        }
+    ]
+}
+
+
+@pytest.fixture
+def results(tmp_path):
+    (tmp_path / "large").mkdir()
+    (tmp_path / "large" / "figures.json").write_text(json.dumps(FIGURES))
+    return tmp_path
+
+
+class TestCurves:
+    def test_ratios(self, results):
+        (curves,) = stored_curves("large", "fig-one", results).values()
+        panel = angular_ratios(curves, title="sky")
+        pca, sdecgmca = panel["curves"]  # what is no method is not drawn
+        assert (pca[-1]["label"], sdecgmca[-1]["label"]) == ("PCA", "SDecGMCA")
+        assert pca[0].tolist() == list(range(2, 201)) and np.all(pca[1] == 1.5)
+        assert sdecgmca[0].tolist() == list(range(5, 201)) and np.all(sdecgmca[1] == 0.5)
+        assert panel["title"] == "sky"
+
+    def test_an_ensemble_is_its_median_and_its_band(self):
+        degrees, name = np.arange(2, 9), "SDecGMCA, median of 4 (1 failed)"
+        parts = {"16 %": 0.9, "median": 1.0, "84 %": 1.2, "restart 0": 30.0}
+        curves = {f"{name}: {part}": (degrees, np.full(7, value)) for part, value in parts.items()}
+        ((_, middle, low, high, look),) = angular_ratios(curves | {"HI + noise": (degrees, np.ones(7))})[
+            "curves"
+        ]
+        assert (look["label"], middle[0], low[0], high[0]) == (name, 1.0, 0.9, 1.2)
+
+    def test_of_the_book(self):
+        """At the paper's size every panel has six methods, at every l from 2 to 200."""
+        for curves in stored_curves("paper_templates", "fig-results-angular").values():
+            found = angular_ratios(curves)["curves"]
+            assert len(found) == 6
+            for degrees, ratio, *_ in found:
+                assert degrees.tolist() == list(range(2, 201)) and np.all(ratio > 0)
+
+
+def test_one_picture(results):
+    text = picture("large", "fig-one", results)
+    assert text.count("large/fig-one.png") == 2
+    assert "*The paper's Fig. 1, made again.*" in text
+    assert text.endswith("\n\n*paper, templates Galaxy · himap 0.1.0, commit abc1234*")
+    known = picture("paper_templates", "fig-results-frequency")
+    assert "*The paper's Fig. 2, made again: Frequency power spectrum" in known
+    with pytest.raises(InputError, match="no stored figure fig-two in large; there are fig-one"):
+        picture("large", "fig-two", results)

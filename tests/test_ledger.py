@@ -1,25 +1,36 @@
-"""The ledger: verdicts over seeds, the file, the table, and the whole on a tiny sky."""
+"""The ledger: verdicts over seeds, the table, causes from stored records, and the whole on a tiny sky."""
 
 import math
 import re
 from dataclasses import replace
+from itertools import product
 
 import pytest
 from book_examples import cells
 from conftest import ROOT
-from ledgers import NOT_PCA, SD, SHORT, TINY, contrast, entry, finding, judged
+from ledgers import ABOUT, NOT_PCA, SD, SHORT, TINY, contrast, entry, finding, judged
 
 from himap.app.notebook_files import read_notebook
 from himap.app.notebooks import notebooks
-from himap.app.stored import LEDGER, read_ledger
+from himap.app.stored import LEDGER, other_records, read_ledger
 from himap.core.errors import InputError
 from himap.figures.numbers import QUOTED
 from himap.paper import evidence, pipeline
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
 from himap.paper.claims.base import BEAMS, places_of
 from himap.paper.claims.entries import entries, finding_rows
+from himap.paper.experiments import find_experiment
 from himap.paper.experiments.claims import EXPERIMENT, JudgedSky, realisations, skies
-from himap.paper.ledger_table import BADGES, LedgerTable, cause, plain_table, summary
+from himap.paper.ledger_table import (
+    BADGES,
+    CONCLUSIONS,
+    LedgerTable,
+    cause,
+    joint_verdict,
+    plain_table,
+    summary,
+)
+from himap.paper.record import Record
 
 
 def test_rows_there_and_back():
@@ -141,16 +152,12 @@ def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
     assert {tuple(one.members.index) for one in found} == {((sky.survey.seed, 0),)}
 
 
-def test_recorded_ledger_is_complete():
+def test_intro_says_what_the_ledger_says():
+    """Its counts are those that the chapter of the ledger quotes, and the ledger is complete."""
     found, about = read_ledger()
     assert [one.claim.id for one in found] == list(CLAIMS)
     assert len({tuple(one.members.index) for one in found}) == 1
     assert about["preset"] == "laptop" and LEDGER.stem == "claims_laptop"
-
-
-def test_intro_says_what_the_ledger_says():
-    """Its counts are those that the chapter of the ledger quotes."""
-    found, _ = read_ledger()
     count = summary(found)
     path = ROOT / "notebooks" / "15_claims.ipynb"
     outputs = [output for cell in read_notebook(path).cells for output in cell.get("outputs", [])]
@@ -177,3 +184,98 @@ def test_every_claim_has_a_figure_in_the_book():
     without = [claim.id for claim in CLAIMS.values() if not claim.figure]
     assert without == ["F1", "R1", "V1", "V3", "V4", "V6"]
     assert all(claim.figure in ("", *links[claim.notebook]) for claim in CLAIMS.values())
+
+
+class TestConclusions:
+    def test_each_rests_on_claims_that_there_are(self):
+        assert len(CONCLUSIONS) == 5
+        assert all(claims and set(claims.split()) <= set(CLAIMS) for claims in CONCLUSIONS)
+
+    @pytest.mark.parametrize(
+        ("verdicts", "expected"),
+        [
+            ([REPRODUCED, REPRODUCED], REPRODUCED),
+            ([REPRODUCED, INAPPLICABLE], REPRODUCED),
+            ([REPRODUCED, FAILED], IN_PART),
+            ([FAILED, FAILED, INAPPLICABLE], FAILED),
+            ([FAILED, UNDECIDED], UNDECIDED),
+            ([REPRODUCED, UNDECIDED], IN_PART),
+            ([FAILED, IN_PART], IN_PART),
+            ([IN_PART, IN_PART], IN_PART),
+            ([INAPPLICABLE], INAPPLICABLE),
+        ],
+    )
+    def test_verdict(self, verdicts, expected):
+        made = [(REPRODUCED, FAILED) if one == UNDECIDED else (one,) for one in verdicts]
+        assert joint_verdict(entry(*one) for one in made) == expected
+
+
+MADE = ABOUT | {"preset": "laptop", "overrides": [["reading", "letter"]]}
+
+
+def write(folder, name, verdicts, n_restarts=2, **changed):
+    """A record of D1: of claims from a verdict, of readings from {reading: verdict}."""
+    experiment, rows = find_experiment(name.partition("_")[0]), []
+    for restart, (reading, verdict) in product(range(n_restarts), verdicts.items()):
+        for row in finding_rows({"D1": finding(verdict)}, restart):
+            empty = dict.fromkeys(experiment.columns)
+            own = {"reading": reading, "quantity": "D1"} if "reading" in empty else {}
+            rows.append({"seed": 1} | empty | {k: v for k, v in row.items() if k in empty} | own)
+    record = Record(experiment=experiment, rows=experiment.frame(rows), about=MADE | changed)
+    record.save(folder / f"{name}.json")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "changed", "expected"),
+    [
+        (REPRODUCED, {"overrides": []}, "reading default"),
+        (REPRODUCED, {"overrides": [["method", "beam_subspace"]]}, "none found"),
+        (REPRODUCED, {"preset": "paper"}, "the paper's size"),
+        (REPRODUCED, {"preset": "paper", "overrides": []}, "reading default, the paper's size"),
+        (FAILED, {"preset": "paper"}, "none found"),
+        (REPRODUCED, {"preset": "paper", "n_restarts": 1}, "none found"),  # a draw
+        (
+            REPRODUCED,
+            {"overrides": [["reading", "letter"], ["average", "ratios"], ["taper", "hann"]]},
+            "mean over channels of C/C0, Hann taper along frequency",
+        ),
+        (REPRODUCED, {}, "none found"),  # the ledger itself
+        (REPRODUCED, {"overrides": [["reading", "letter"], ["nside", 64]]}, "none found"),
+    ],
+)
+def test_another_ledger_in_which_a_claim_holds(tmp_path, verdict, changed, expected):
+    write(tmp_path, "claims_a", {"": verdict}, **changed)
+    assert cause(entry(FAILED), other_records(MADE, tmp_path)) == expected
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "changed", "expected"),
+    [
+        ({"letter": FAILED}, {"preset": "paper"}, "reading code, the paper's size"),
+        ({"letter": REPRODUCED}, {"preset": "paper"}, "the paper's size"),
+        ({"follow-up": REPRODUCED}, {"preset": "paper"}, "the paper's size"),
+        ({"follow-up": FAILED}, {"preset": "paper"}, "reading code, the paper's size"),
+        ({}, {"overrides": []}, "reading code"),
+        ({}, {"preset": "ci"}, "none found"),  # D1 is about l = 200
+    ],
+)
+def test_a_reading_in_which_a_claim_holds(tmp_path, verdicts, changed, expected):
+    """With that of the code it does."""
+    write(tmp_path, "readings", verdicts | {"code": REPRODUCED}, **changed)
+    assert cause(entry(FAILED), other_records(MADE, tmp_path)) == expected
+
+
+def test_a_reading_with_another_name_is_that_of_the_ledger(tmp_path):
+    write(tmp_path, "readings", {"letter, beyond = projection": REPRODUCED, "letter": FAILED})
+    made = MADE | {"overrides": []}
+    assert cause(entry(FAILED), other_records(made, tmp_path)) == "none found"
+
+
+def test_a_claim_that_does_not_apply_has_no_cause(tmp_path):
+    write(tmp_path, "claims_a", {"": REPRODUCED}, preset="paper")
+    assert cause(entry(INAPPLICABLE), other_records(MADE, tmp_path)) == ""
+
+
+def test_records_of_another_version_are_left_out(tmp_path):
+    (tmp_path / "claims_old.json").write_text('{"format": 1}')
+    assert other_records(MADE, tmp_path) == {}
