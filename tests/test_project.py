@@ -9,8 +9,10 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from functools import reduce
 from importlib.metadata import packages_distributions
 from pathlib import Path
+from pkgutil import resolve_name
 
 import click
 import h5py
@@ -259,15 +261,15 @@ def test_readme_shows_what_there_is():
     assert {page for page, _ in commands()} >= {"README.md", "intro.md", "contributing.md"}
 
 
-@pytest.mark.parametrize("page, place", [("add_a_method", "removal"), ("add_a_beam", "instrument/beams")])
-def test_the_examples_of_the_book_keep_to_the_rules(page, place, tmp_path):
+def test_the_library_with_the_examples_of_the_book_keeps_to_the_rules(tmp_path):
     """Their style, and the rooms; that they fulfil the contract is tested with the methods and the beams."""
     shutil.copytree(ROOT / "himap", tmp_path / "himap", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    path = tmp_path / "himap" / place / "example.py"
-    path.write_text(example_of(page))
+    paths = [tmp_path / "himap" / place / "example.py" for place in ("removal", "instrument/beams")]
+    for path, page in zip(paths, ("add_a_method", "add_a_beam"), strict=True):
+        path.write_text(example_of(page))
     for check in (["check", "-q"], ["format", "--check", "-q"]):
-        subprocess.run([sys.executable, "-m", "ruff", *check, str(path)], check=True, cwd=tmp_path)
+        subprocess.run([sys.executable, "-m", "ruff", *check, *paths], check=True, cwd=tmp_path)
     outcome = lint_imports(tmp_path)
     assert outcome.returncode == 0, outcome.stdout
 
@@ -305,3 +307,29 @@ def test_what_is_installed():
     hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"][0]["hooks"]
     commands = {re.match(r"\.venv/bin/(\w+)", hook["entry"])[1] for hook in hooks}
     assert commands <= {line.split(">=")[0] for line in needed}
+
+
+EQUATIONS = re.findall(r"^\| ([\dA.]+) \|(.*)\|$", (ROOT / "book" / "equations.md").read_text(), re.M)
+
+
+def definition(tree, name):
+    """The function or class `name` in the body of a syntax tree."""
+    return next(node for node in tree.body if getattr(node, "name", None) == name)
+
+
+def test_every_equation_has_a_row():
+    assert [number for number, _ in EQUATIONS] == [*map(str, range(1, 24)), "A.1", "A.2", "A.3"]
+
+
+@pytest.mark.parametrize(("number", "row"), EQUATIONS, ids=[number for number, _ in EQUATIONS])
+def test_what_a_row_of_equations_names_exists(number, row):
+    """Every function, chapter, label and test."""
+    _, chapter, code = row.split("|")
+    functions, test = (re.findall(r"`([\w.]+)`", part) for part in code.split(";"))
+    assert functions and all(resolve_name(name) is not None for name in functions)
+    (page,) = re.findall(r"\(\.\./(notebooks/\w+)\.ipynb\)", chapter)
+    source = (ROOT / f"{page}.py").read_text()
+    assert all(f":label: {label}\n" in source for label in re.findall(r"\{eq\}`([\w-]+)`", chapter))
+    file, *steps = test
+    found = reduce(definition, steps, ast.parse((ROOT / "tests" / file).read_text()))
+    assert isinstance(found, ast.FunctionDef) and found.name.startswith("test_")

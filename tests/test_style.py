@@ -24,19 +24,10 @@ def library():
 
 def lint_imports(folder):
     """Outcome of import-linter on the himap of a folder, by the contracts in its pyproject.toml."""
-    linter = [
-        sys.executable,
-        "-c",
-        "from importlinter.cli import lint_imports_command as f; f()",
-        "--no-cache",
-    ]
+    code = "from importlinter.cli import lint_imports_command as f; f()"
+    linter = [sys.executable, "-c", code, "--no-cache"]
     environment = os.environ | {"PYTHONPATH": str(folder)}
     return subprocess.run(linter, cwd=folder, env=environment, capture_output=True, text=True)
-
-
-def test_rooms_import_one_way():
-    outcome = lint_imports(ROOT)
-    assert outcome.returncode == 0, outcome.stdout
 
 
 def test_wrong_ways_are_seen(tmp_path):
@@ -63,12 +54,8 @@ def test_wrong_ways_are_seen(tmp_path):
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     broken = re.findall(r"^(.*) BROKEN\b", outcome.stdout, re.M)
     assert {name.strip() for name in broken} == {one["name"] for one in contracts}
-    for said in (
-        "himap.attic",
-        "himap.core.survey -> himap.maps.sphere",
-        "himap.instrument.noise -> himap.sky.hi",
-    ):
-        assert said in outcome.stdout
+    ways = "core.survey -> himap.maps.sphere", "instrument.noise -> himap.sky.hi"
+    assert all(f"himap.{said}" in outcome.stdout for said in ("attic", *ways))
 
 
 @pytest.mark.parametrize("command", [["check"], ["format", "--check"]], ids=["check", "format"])
