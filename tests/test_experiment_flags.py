@@ -1,7 +1,5 @@
 """How often flags are right, on made-up tables, and the experiment on a tiny sky."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -84,28 +82,22 @@ def test_members_whose_error_is_not_finite_fail():
     assert len(members_of(table.assign(value=table["value"].mask(lost)))) == 8
 
 
-@pytest.fixture
-def tiny():
+def test_a_tiny_sky(tmp_path, monkeypatch):
+    """Each member has every quantity; the medoid has no distance, as of an ensemble of its residuals.
+
+    No map or separation stays in the cache.
+    """
+    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
     survey = {"nside": 8, "n_channels": 16, "box_cells": 16}
     (sky,) = skies(preset="ci", survey=survey, n_realisations=1, n_restarts=2)
-    return sky
-
-
-def test_no_map_or_separation_stays_in_the_cache(tiny, tmp_path, monkeypatch):
-    monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
-    measure(replace(tiny, realisations={"code": tiny.realisations["code"]}))
+    table = EXPERIMENT.frame([{"seed": 1} | row for row in measure(sky)])
     kept = {entry.product for entry in cache.cache_info()}
     assert kept == {"measured_flags", "assessment", "components_of_sky", "true_spectra"}
-
-
-def test_a_tiny_sky(tiny):
-    """Each member has every quantity; the medoid has no distance, as of an ensemble of its residuals."""
-    table = EXPERIMENT.frame([{"seed": 1} | row for row in measure(tiny)])
     assert list(table.columns) == ["seed", *COLUMNS]
     members = members_of(table)
     assert len(members) == 6 and members.notna().all().all()
     assert (members.groupby("ensemble")["distance"].min() == 0).all()
-    calls = [one.calls("oscillating")["sdecgmca"][:3] for one in tiny.realisations["code"]]
+    calls = [one.calls("oscillating")["sdecgmca"][:3] for one in sky.realisations["code"]]
     ensemble = cleaned.ensemble(calls)
     one, two = (member.residual.astype(float) for member in ensemble.members)
     assert ensemble.distances[0, 1] == pytest.approx(np.sqrt(np.mean((one - two) ** 2)), rel=1e-3, abs=1e-5)

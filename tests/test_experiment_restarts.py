@@ -81,12 +81,6 @@ def test_many_readings_have_claims_and_numbers_but_no_curves(sky, monkeypatch):
     assert {row["case"] for row in rows} == set(restarts.CASES)
 
 
-def test_the_summary_counts_failures(table):
-    summary = restarts.EXPERIMENT.summary(table)
-    assert len(summary) == len(restarts.CASES) + 1
-    assert summary["failed"].str.fullmatch(r"[0-2] of 2").all()
-
-
 def test_the_summary_counts_them_in_the_row_of_their_case():
     rows = Record.load(restarts.EXPERIMENT, RESULTS / "restarts_laptop_default.json").rows
     expected = [f"{one.failed} of {one.members}" for one in failures(rows).itertuples()]

@@ -110,14 +110,11 @@ def executed(folder, no_kernel):
     return folder / "01_toy.ipynb"
 
 
-def test_what_a_notebook_says_of_itself(folder):
+def test_what_a_notebook_says_of_itself_and_how_it_is_found(folder):
     (notebook,) = notebooks.notebooks(folder)
     assert (notebook.name, notebook.title, notebook.section) == ("01_toy", "The toy", "2.1")
     assert notebook.figures == ["Fig. 1", "Fig. 2"]
     assert [p.name for p in notebook.parameters] == ["preset", "scale", "mode", "survey"]
-
-
-def test_finding_a_notebook(folder):
     for name in ["01_toy", "01", "notebooks/01_toy.ipynb", str(folder / "01_toy.py")]:
         assert notebooks.find(name, folder).name == "01_toy"
     with pytest.raises(InputError, match=r"no notebook '01_tyo' \(did you mean 01_toy\?\); there are 01_toy"):
@@ -302,23 +299,39 @@ def test_bad_outputs_are_refused_at_once(folder, tmp_path):
     for output in ["", "out", "folder.ipynb", "file/out.ipynb", "x" * 300 + ".ipynb"]:
         with pytest.raises(InputError, match="the output"):
             reproduce.run("01", output=output, folder=folder)
+    with pytest.raises(InputError, match="the book's own copy"):
+        reproduce.run("01", output=folder / "01_toy.ipynb", folder=folder)
+    assert not (folder / "01_toy.ipynb").exists()
 
 
 SECONDS = r'"seconds": [\d.]+'  # all that two executions of the same code differ in
 
 
 def test_refreshing_executes_once_and_writes_the_same_file_again(folder):
+    """Where only the text changed, without executing: with the outputs, and among them numbers for prose."""
+    code = "from himap.figures.numbers import quote\nquote(toy_scale=(scale, 0.1))\n"
+    edit(folder / "01_toy.py", "print(made", f"{code}print(made")
+    executed, said = folder / "01_toy.ipynb", []
+
+    def kept():
+        cells = nbformat.read(executed, as_version=4).cells
+        return [out for cell in cells for out in cell.get("outputs", [])]
+
     assert reproduce.stale(folder) == {"01_toy": "there is no executed notebook"}
-    said = []
     done = reproduce.refresh(folder=folder, report=lambda *what: said.append(what))
     assert done == {"01_toy": "there is no executed notebook"} and said == [*done.items()]
-    executed = folder / "01_toy.ipynb"
-    assert outputs(executed) == "64 1.0 notebooks\n"
+    before = number, printed = kept()
+    assert number.data == dict(zip(QUOTED, ("'1.0'", "1.00 ± 0.10"), strict=True))
+    assert number.metadata.scrapbook.name == "toy_scale" and printed.text == "64 1.0 notebooks\n"
     assert reproduce.stale(folder) == {} == reproduce.refresh(folder=folder)
     first = re.sub(SECONDS, "", executed.read_text())
     executed.unlink()
     reproduce.refresh(["01"], folder=folder)
     assert re.sub(SECONDS, "", executed.read_text()) == first
+    edit(folder / "01_toy.py", "Some text", "Other text")
+    edit(folder / "01_toy.py", "# %%\n# A cell of comments only.\n", "# %%\n# One.\n\n# %%\n# Two.\n")
+    assert reproduce.refresh(folder=folder) == {"01_toy": "its text changed"} and kept() == before
+    assert "Other text" in executed.read_text() and reproduce.stale(folder) == {}
 
 
 @pytest.mark.parametrize(
@@ -339,25 +352,6 @@ def test_an_edit_of_one_of_the_pair(folder, executed, file, old, new, why):
     assert reproduce.stale(folder) == {}
     edit(folder / f"01_toy.{file}", old, new)
     assert reproduce.stale(folder) == {"01_toy": why}
-
-
-def test_text_is_copied_without_executing(folder):
-    """With the outputs, and among them the numbers for prose."""
-    code = "from himap.figures.numbers import quote\nquote(toy_scale=(scale, 0.1))\n"
-    edit(folder / "01_toy.py", "print(made", f"{code}print(made")
-
-    def kept():
-        cells = nbformat.read(folder / "01_toy.ipynb", as_version=4).cells
-        return [out for cell in cells for out in cell.get("outputs", [])]
-
-    reproduce.refresh(folder=folder)
-    before = number, printed = kept()
-    assert number.data == dict(zip(QUOTED, ("'1.0'", "1.00 ± 0.10"), strict=True))
-    assert number.metadata.scrapbook.name == "toy_scale" and printed.text == "64 1.0 notebooks\n"
-    edit(folder / "01_toy.py", "Some text", "Other text")
-    edit(folder / "01_toy.py", "# %%\n# A cell of comments only.\n", "# %%\n# One.\n\n# %%\n# Two.\n")
-    assert reproduce.refresh(folder=folder) == {"01_toy": "its text changed"} and kept() == before
-    assert "Other text" in (folder / "01_toy.ipynb").read_text() and reproduce.stale(folder) == {}
 
 
 CODE = "the code behind it changed"
@@ -420,12 +414,6 @@ def test_edits_made_in_jupyter_are_not_lost(folder, executed):
     assert reproduce.stale(folder) == {"01_toy": "its text changed"}
     reproduce.refresh(folder=folder)
     assert reproduce.stale(folder) == {}
-
-
-def test_the_books_own_copy_is_not_overwritten(folder):
-    with pytest.raises(InputError, match="the book's own copy"):
-        reproduce.run("01", output=folder / "01_toy.ipynb", folder=folder)
-    assert not (folder / "01_toy.ipynb").exists()
 
 
 def test_pictures_are_packed_and_stay_what_they_were():
