@@ -105,29 +105,21 @@ def test_a_ratio_is_to_the_truth_of_the_curve():
 
 def test_an_ensemble_is_one_curve_with_a_spread():
     """Its ratios are percentiles of those of its members, each to its own truth."""
-    members, truths = (
-        np.array([[1.0, 8.0], [3.0, 6.0], [4.0, 4.0]]),
-        np.array([[1.0, 2.0], [2.0, 2.0], [1.0, 4.0]]),
-    )
-    curves = {"HI + noise": (2, 4)}
+    members = np.array([[1.0, 8.0], [3.0, 6.0], [4.0, 4.0]])
+    truths = np.array([[1.0, 2.0], [2.0, 2.0], [1.0, 4.0]])
+    name, curves = "SDecGMCA, median of 3 (1 failed)", {"HI + noise": (2, 4)}
     for end, several in (("", members), (": truth", truths)):
-        name, percentiles = (
-            f"SDecGMCA, median of 3 (1 failed){end}",
-            np.percentile(several, (16, 50, 84), axis=0),
-        )
-        curves |= dict(
-            zip([f"{name}: {part}" for part in ("16 %", "median", "84 %")], percentiles, strict=True)
-        )
-        curves |= {f"{name}: restart {k}": ys for k, ys in enumerate(several)}
+        percentiles = np.percentile(several, (16, 50, 84), axis=0)
+        parts = zip(("16 %", "median", "84 %"), percentiles, strict=True)
+        curves |= {f"{name}{end}: {part}": ys for part, ys in parts}
+        curves |= {f"{name}{end}: restart {k}": ys for k, ys in enumerate(several)}
     found = curves_to_play(curves)
-    assert list(found) == ["HI + noise", "SDecGMCA, median of 3 (1 failed)"]
-    one = found["SDecGMCA, median of 3 (1 failed)"]
-    for name, several in (("", members), ("ratio", members / truths)):
+    assert list(found) == ["HI + noise", name]
+    for several, y, spread in ((members, "y", "spread"), (members / truths, "ratio", "ratio_spread")):
         low, middle, high = np.percentile(several, (16, 50, 84), axis=0)
-        assert one[name or "y"] == pytest.approx(list(middle), rel=1e-4)
-        assert np.array(one[f"{name}_spread".strip("_")]) == pytest.approx(
-            np.vstack([low, high, several]), rel=1e-4
-        )
+        assert found[name][y] == pytest.approx(list(middle), rel=1e-4)
+        ends_and_members = np.vstack([low, high, several])
+        assert np.array(found[name][spread]) == pytest.approx(ends_and_members, rel=1e-4)
 
 
 def test_several_points_at_one_x_are_all_kept():
@@ -148,24 +140,17 @@ def test_curves_of_each_figure_to_play_with_look_different():
     """A style that a label no longer gets would make two curves look alike."""
     from play import LINES, SPECTRA, content_of
 
-    seen = set()
-    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
-        for figure in figures(path):
-            if figure.name not in {*SPECTRA, *LINES}:
-                continue
-            seen.add(figure.name)
-            for view in content_of(ROOT, figure)["views"]:
-                for panel in view["panels"]:
-                    looks = [
-                        str({k: one.get(k) for k in ("color", "dash", "width", "points")})
-                        for one in panel["curves"]
-                    ]
-                    assert len(set(looks)) == len(looks), (figure.name, view["label"], panel["title"])
-                    if figure.name in SPECTRA:
-                        assert all(
-                            one.get("ratio") for one in panel["curves"] if one["label"] != "HI + noise"
-                        )
-    assert seen == {*SPECTRA, *LINES}
+    paths, playable = sorted((ROOT / "notebooks").glob("*.ipynb")), {*SPECTRA, *LINES}
+    drawn = [one for path in paths for one in figures(path) if one.name in playable]
+    assert {one.name for one in drawn} == playable
+    for figure in drawn:
+        views = content_of(ROOT, figure)["views"]
+        for label, panel in [(view["label"], panel) for view in views for panel in view["panels"]]:
+            curves, keys = panel["curves"], ("color", "dash", "width", "points")
+            looks = [str({k: one.get(k) for k in keys}) for one in curves]
+            assert len(set(looks)) == len(looks), (figure.name, label, panel["title"])
+            ratios = [one.get("ratio") for one in curves if one["label"] != "HI + noise"]
+            assert figure.name not in SPECTRA or all(ratios)
 
 
 def test_labels_are_plain():

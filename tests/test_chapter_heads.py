@@ -72,21 +72,20 @@ def test_verdicts_are_those_of_the_ledger(html):
         assert address == f"15_claims.html#claim-{id}" and f'id="claim-{id}"' in ledger
 
 
-def small_page(folder, text, ledger=LEDGER):
-    """(the page of a book of one page, errors) with a ledger, or none."""
-    results = folder / "source" / "book" / "results"
-    results.mkdir(parents=True)
+def small_page(folder, text, ledger=LEDGER, chapters=None):
+    """(the page of a book of one page, errors) with a ledger, or none, and notebooks {name: node}."""
+    results, written = (folder / "source" / place for place in ("book/results", "notebooks"))
+    for place in (results, written):
+        place.mkdir(parents=True)
+    for name, node in (chapters or {}).items():
+        nbformat.write(node, written / f"{name}.ipynb")
     if ledger:
         shutil.copy(ledger, results / "claims_laptop.json")
     (folder / "source" / "index.md").write_text(f"# One page\n\n{text}\n")
     warnings = io.StringIO()
     settings = {"extensions": ["myst_parser", "chapter_heads"], "html_theme": "basic"}
-    app = Sphinx(
-        *(folder / "source", None, folder / "html", folder / "trees", "html", settings),
-        status=None,
-        warning=warnings,
-    )
-    app.build()
+    places = folder / "source", None, folder / "html", folder / "trees"
+    Sphinx(*places, "html", settings, status=None, warning=warnings).build()
     return (folder / "html" / "index.html").read_text(), re.findall("ERROR: .*", warnings.getvalue())
 
 
@@ -101,10 +100,7 @@ def test_claims_without_the_page_of_the_ledger_without_a_ledger_and_without_a_cl
 
 @pytest.mark.parametrize("old", [{}, {"claims_laptop": "the code behind claims changed", "other": "too"}])
 def test_stale_results_are_named_with_their_commit(tmp_path, monkeypatch, old):
-    import chapter_heads
-
-    chapter_heads._all_stale.cache_clear()
-    monkeypatch.setattr(chapter_heads, "stale_results", lambda *folders: old)
+    monkeypatch.setattr("chapter_heads.stale_results", lambda *folders: old)
     page, errors = small_page(tmp_path, "{stale}`claims_*`")
     commit = json.loads(LEDGER.read_text())["about"]["commit"]
     stale = f"Stale, measured with code that has changed since: claims_laptop (commit {commit})."
@@ -113,29 +109,20 @@ def test_stale_results_are_named_with_their_commit(tmp_path, monkeypatch, old):
 
 @pytest.mark.parametrize("role", ["{stale}`claims_* methods_*`", "{cost}`01_a`"])
 def test_a_name_of_no_stored_result_is_an_error_and_a_page_depends_on_others(tmp_path, monkeypatch, role):
-    import chapter_heads
-
     noted = []
-    monkeypatch.setattr(chapter_heads, "_all_stale", lambda results: {})
+    monkeypatch.setattr("chapter_heads.stale_results", lambda *folders: {})
     monkeypatch.setattr(BuildEnvironment, "note_dependency", lambda self, path: noted.append(Path(path).name))
     reads = [f"book/results/{name}.json" for name in ("claims_*", "methods_*")]
     node = nbformat.v4.new_notebook(metadata={"himap": {"reads": reads}})
-    (tmp_path / "source" / "notebooks").mkdir(parents=True)
-    nbformat.write(node, tmp_path / "source" / "notebooks" / "01_a.ipynb")
-    page, (said,) = small_page(tmp_path, role)
+    page, (said,) = small_page(tmp_path, role, chapters={"01_a": node})
     assert "no stored result fits 'methods_*.json'" in said and "No stored result" not in page
     assert LEDGER.name in noted
 
 
 @pytest.mark.parametrize("name, n_stale", [("14_diagnostics", 1), ("17_your_own_cube", 0)])
 def test_a_head_with_verdicts_says_that_the_ledger_is_stale(tmp_path, monkeypatch, name, n_stale):
-    import chapter_heads
-
-    chapter_heads._all_stale.cache_clear()
-    monkeypatch.setattr(chapter_heads, "stale_results", lambda *folders: {"claims_laptop": "changed"})
-    (tmp_path / "source" / "notebooks").mkdir(parents=True)
-    nbformat.write(nbformat.v4.new_notebook(), tmp_path / "source" / "notebooks" / f"{name}.ipynb")
-    page, errors = small_page(tmp_path, f"{{cost}}`{name}`")
+    monkeypatch.setattr("chapter_heads.stale_results", lambda *folders: {"claims_laptop": "changed"})
+    page, errors = small_page(tmp_path, f"{{cost}}`{name}`", chapters={name: nbformat.v4.new_notebook()})
     assert page.count("stale stored results: 1 of 1") == n_stale and not errors
 
 

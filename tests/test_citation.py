@@ -80,18 +80,16 @@ def test_the_three_say_the_same():
     assert {codemeta["version"], zenodo["version"], root["version"]} == {CITATION["version"]}
     dates = {codemeta["dateModified"], zenodo["publication_date"], root["datePublished"]}
     assert dates == {str(CITATION["date-released"])}
-    assert {one["name"] for one in codemeta["author"] + zenodo["creators"]} == {
-        CITATION["authors"][0]["name"]
-    }
+    (author,) = CITATION["authors"]
+    assert {one["name"] for one in codemeta["author"] + zenodo["creators"]} == {author["name"]}
 
 
 def test_the_crate_is_complete():
     """Every reference has its entity, every part is there, and a stored result is what its checksum says."""
     graph = {one["@id"]: one for one in read("ro-crate-metadata.json")["@graph"]}
     about, root = graph["ro-crate-metadata.json"], graph["./"]
-    assert about["conformsTo"]["@id"].startswith("https://w3id.org/ro/crate/") and about["about"] == {
-        "@id": "./"
-    }
+    assert about["conformsTo"]["@id"].startswith("https://w3id.org/ro/crate/")
+    assert about["about"] == {"@id": "./"}
     assert {"name", "description", "datePublished", "license"} <= set(root)
     links = [value for one in graph.values() for value in one.values() if isinstance(value, dict)]
     assert {link["@id"] for link in [*links, *root["hasPart"]]} - {about["conformsTo"]["@id"]} <= set(graph)
@@ -99,10 +97,8 @@ def test_the_crate_is_complete():
     for one in files:
         data = (ROOT / one["@id"]).read_bytes()
         assert one["contentSize"] == str(len(data)) and one["sha256"] == hashlib.sha256(data).hexdigest()
-    assert {one["@id"] for one in graph.values() if one["@type"] == "Dataset"} == {
-        "./",
-        *(f"{name}/" for name in ("himap", "notebooks", "book", "tests")),
-    }
+    folders = {one["@id"] for one in graph.values() if one["@type"] == "Dataset"}
+    assert folders == {"./", "himap/", "notebooks/", "book/", "tests/"}
     expected = {
         path.relative_to(ROOT).as_posix() for path in RECORDS if path.stem not in ("accepted", "probes")
     }
@@ -159,9 +155,8 @@ def test_a_container_with_the_lock_runs_both_commands():
     assert re.fullmatch(r"python:3\.1[123]\.\d+-slim-\w+", base)
     (setup,) = re.findall(r"^RUN make (\w+) LOCK=1$", text, re.M)
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.M)
-    assert (
-        {setup, json.loads(re.search(r"^CMD (.*)$", text, re.M)[1])[1]} == {"setup", "book"} <= set(targets)
-    )
+    command = json.loads(re.search(r"^CMD (.*)$", text, re.M)[1])
+    assert {setup, command[1]} == {"setup", "book"} <= set(targets)
     assert text.index("COPY . .") < text.index("RUN make")
     known = {"FROM", "RUN", "WORKDIR", "COPY", "CMD"}
     lines = re.sub(r"\\\n", " ", re.sub(r"(?m)^#.*\n", "", text)).splitlines()

@@ -162,12 +162,10 @@ class TestLines:
         values, axes = np.linalg.eigh(bright @ bright.T / bright.shape[1])
         axes = axes[:, values > truth.var(axis=1).sum()]
         assert found["n_spectra"] == axes.shape[1] and 1 < axes.shape[1] < 8
-        for name, cube in (("error", error), ("truth", truth)):
-            in_spectra = np.sum((axes.T @ cube[:, lines]) ** 2) / cube[:, lines].size
-            assert found[name] == pytest.approx(np.mean(cube[:, lines] ** 2), rel=1e-3)
-            assert found["in spectra" if name == "error" else "truth in spectra"] == pytest.approx(
-                in_spectra, rel=1e-2
-            )
+        for whole, in_spectra, cube in (("error", "in spectra", error), ("truth", "truth in spectra", truth)):
+            assert found[whole] == pytest.approx(np.mean(cube[:, lines] ** 2), rel=1e-3)
+            expected = np.sum((axes.T @ cube[:, lines]) ** 2) / cube[:, lines].size
+            assert found[in_spectra] == pytest.approx(expected, rel=1e-2)
         split = leakage.split_error(FAINTER, remover)[0].lines(lines)
         assert found["foreground residual"] == pytest.approx(np.mean(np.square(split)), rel=1e-6)
         sizes = [found[name] ** 0.5 for name in ("error", "foreground residual", "signal loss")]

@@ -178,21 +178,10 @@ class TestTransfer:
 
     def test_summary(self, table):
         first, second = transfer.EXPERIMENT.summary(table).to_numpy().tolist()
-        assert first == [
-            "PCA 5",
-            BANDS[0],
-            "0.9000",
-            "1.0300",
-            "0.0283",
-            "0.0200",
-            "0.0300",
-            "1 of 2 (1 to 99 %)",
-            "3.25",
-        ]
-        assert second[2:5] == ["0.3000", "1.5000", "nan"] and second[-2:] == [
-            "0 of 1 (0 to 98 %)",
-            "625.00",
-        ]
+        numbers = ["0.9000", "1.0300", "0.0283", "0.0200", "0.0300"]
+        assert first == ["PCA 5", BANDS[0], *numbers, "1 of 2 (1 to 99 %)", "3.25"]
+        assert second[2:5] == ["0.3000", "1.5000", "nan"]
+        assert second[-2:] == ["0 of 1 (0 to 98 %)", "625.00"]
 
     @pytest.mark.parametrize("hits", [0, 4, 28])
     def test_coverage_has_the_interval_of_its_tails(self, hits):

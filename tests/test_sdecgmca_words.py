@@ -12,54 +12,45 @@ SILENT = (
 
 
 @pytest.mark.parametrize(
-    "of, options, words",
+    ("reading", "options", "words"),
     [
+        ("instrument-noise", {}, f"has the reading “instrument-noise”: the paper's text {SILENT}{ENDS}"),
+        ("letter", {"sign": "free"}, f"“letter”: the paper's text except for sign of A (as it comes){ENDS}"),
+        ("letter", {"last": "repeated"}, "the paper's text and, where it is silent, the last S (Eq. 23 with"),
         (
-            of_sdecgmca,
-            {"reading": "instrument-noise"},
-            f"SDecGMCA has the reading “instrument-noise”: the paper's text {SILENT}{ENDS}",
-        ),
-        (
-            of_sdecgmca,
-            {"reading": "letter", "sign": "free"},
-            f"“letter”: the paper's text except for sign of A (as it comes){ENDS}",
-        ),
-        (
-            of_sdecgmca,
-            {"reading": "letter", "last": "repeated"},
-            "the paper's text and, where it is silent, the last S (Eq. 23 with",
-        ),
-        (
-            of_sdecgmca,
-            {"reading": "code"},
+            "code",
+            {},
             "“code”: the paper's text except for 5 choices and, where it is silent, smallest eigenvalue",
         ),
-        (of_sdecgmca, {"reading": "follow-up"}, "its regularised inversion is continued beyond ℓ = 128"),
+        ("follow-up", {}, "its regularised inversion is continued beyond ℓ = 128"),
+        ("letter", {"beyond": "projection"}, "it is continued beyond ℓ = 128 without regularisation"),
+    ],
+)
+def test_words_of_a_caption(reading, options, words):
+    said = of_sdecgmca(SDecGMCA(reading=reading, **options), 64)
+    assert said.startswith("SDecGMCA has the reading “") and words in said
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
         (
-            of_sdecgmca,
-            {"reading": "letter", "beyond": "projection"},
-            "it is continued beyond ℓ = 128 without regularisation",
-        ),
-        (
-            in_short,
             {"reading": "follow-up"},
             "(the text except for 6 choices, with 4 choices), continued beyond ℓ = 128",
         ),
-        (in_short, {}, "reading “default” (the text except for beyond = projection), continued beyond"),
+        ({}, "reading “default” (the text except for beyond = projection), continued beyond"),
         (
-            in_short,
             {"reading": "letter", "sign": "free", "lmax": 30},
             "(the text except for sign = free), up to ℓ = 30",
         ),
         (
-            in_short,
             {"reading": "instrument-noise", "beyond": "projection"},
             "except for beyond = projection, with thresholds = analytic), continued beyond",
         ),
     ],
 )
-def test_words(of, options, words):
-    assert words in of(SDecGMCA(**options), 64)
+def test_words_in_short(options, words):
+    assert words in in_short(SDecGMCA(**options), 64)
 
 
 def test_a_failure_is_judged_as_far_as_the_maps_go():
