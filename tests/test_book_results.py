@@ -194,16 +194,13 @@ def test_ledgers_stand_side_by_side():
     ((head, *rows, last),) = tables(ledgers_table(columns))
     assert head[3:] == ["ci, 1 sky, one run", "ci, letter, 1 sky, one run"]
     smoothed = ledger_of(REPRODUCED, overrides=[("r_smooth", 2.0), ("box_cells", 64)])
-    assert "ci, HI box of 64³ cells, HI smoothed by 2 Mpc/h, 1 sky, one run" in ledgers_table(
-        [columns[0], smoothed]
-    )
+    title = "ci, HI box of 64³ cells, HI smoothed by 2 Mpc/h, 1 sky, one run"
+    assert title in ledgers_table([columns[0], smoothed])
     named = ledgers_table([ledger_of(FAILED, overrides=[("reading", "default")])])
     assert tables(named)[0][0][3:] == ["ci, 1 sky, one run"]  # as records of restarts state it
     assert [row[0].strip("*") for row in rows] == ["D1", "O3", "M2"]
-    assert rows[0][3:] == [
-        "one run, ✗ 0.25<br>holds in: PCA/ICA a 0% (0% to 50%); SD a 0% (0% to 50%)",
-        "one run, ✓ 0.25",
-    ] and rows[2][3:] == 2 * ["– does not apply"]
+    failed = "one run, ✗ 0.25<br>holds in: PCA/ICA a 0% (0% to 50%); SD a 0% (0% to 50%)"
+    assert rows[0][3:] == [failed, "one run, ✓ 0.25"] and rows[2][3:] == 2 * ["– does not apply"]
     assert last[3:] == ["one run", "one run"]  # draws are not counted
     ((_, *rows),) = tables(ledgers_table(columns, lambda judged: judged[0].claim.id == "O3"))
     assert [row[0].strip("*") for row in rows] == ["O3"]

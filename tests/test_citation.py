@@ -66,9 +66,8 @@ def test_descriptions_are_linked_data(name, context):
             elif not key.startswith("@"):
                 assert key in terms, f"{key} is no term of {stated[0]}"
                 address = isinstance(terms[key], dict) and terms[key].get("@type") == "@id"
-                texts = [
-                    one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)
-                ]
+                values = value if isinstance(value, list) else [value]
+                texts = [one for one in values if isinstance(one, str)]
                 assert not address or all(re.match(r"https?://", one) for one in texts), f"{key}: {texts}"
 
 

@@ -120,38 +120,34 @@ class TestWrite:
         assert code == 2 and "something.json; got" in err
 
 
-def bad(name, *options, message):
-    return pytest.param(name, options, message, id=f"{name} {' '.join(options)}")
-
-
 @pytest.mark.parametrize(
-    ("name", "options", "message"),
+    ("words", "message"),
     [
-        bad("clams", message="unknown experiment 'clams'; there are authors, beam_errors"),
-        bad("claims", "-p", "n_realisation=2", message="did you mean n_realisations"),
-        bad("claims", "-p", "galaxy=templates", message="needs template_dir"),
-        bad("claims", "-o", "claims.txt", message="something.json"),
-        bad("claims", "--preset", "huge", message="unknown preset"),
-        bad("claims", "--jobs", "0", message="--jobs"),
-        bad("claims", "--check", "none.json", message="there is no record none.json"),
-        bad("claims", "--check", "none.json", "--grow", "none.json", message="give one of them"),
-        bad("claims", "--check", "none.json", "-o", "b.json", message="without -o and"),
-        bad("claims", "--grow", "none.json", "--overwrite", message="without -o and"),
-        bad("readings", "-p", "reading=code", message="unknown parameter reading"),
-        bad("readings", "-p", "method=beam_subspace", message="unknown parameter method"),
+        ("clams", "unknown experiment 'clams'; there are authors, beam_errors"),
+        ("claims -p n_realisation=2", "did you mean n_realisations"),
+        ("claims -p galaxy=templates", "needs template_dir"),
+        ("claims -o claims.txt", "something.json"),
+        ("claims --preset huge", "unknown preset"),
+        ("claims --jobs 0", "--jobs"),
+        ("claims --check none.json", "there is no record none.json"),
+        ("claims --check none.json --grow none.json", "give one of them"),
+        ("claims --check none.json -o b.json", "without -o and"),
+        ("claims --grow none.json --overwrite", "without -o and"),
+        ("readings -p reading=code", "unknown parameter reading"),
+        ("readings -p method=beam_subspace", "unknown parameter method"),
         *(
-            bad(name, "-p", pair, message=f"unknown parameter {pair.partition('=')[0]}")
+            (f"{name} -p {parameter}={value}", f"unknown parameter {parameter}")
             for name in ("readings", "restarts", "flags")
-            for pair in ("average=ratios", "polynomial=logarithm")
+            for parameter, value in (("average", "ratios"), ("polynomial", "logarithm"))
         ),
-        bad("transfer", "-p", "results=[]", message="unknown parameter results"),
-        bad("transfer", "-p", "n_mock=2", message="did you mean n_mocks"),
-        bad("beam_errors", "-p", "results=[]", message="unknown parameter"),
-        bad("methods", "-p", "results=null", message="unknown parameter results"),
+        ("transfer -p results=[]", "unknown parameter results"),
+        ("transfer -p n_mock=2", "did you mean n_mocks"),
+        ("beam_errors -p results=[]", "unknown parameter"),
+        ("methods -p results=null", "unknown parameter results"),
     ],
 )
-def test_bad_input_before_any_work(himap_command, seen, name, options, message):
-    code, _, err = himap_command("measure", name, *options)
+def test_bad_input_before_any_work(himap_command, seen, words, message):
+    code, _, err = himap_command("measure", *words.split())
     assert code == 2
     assert message in err
     assert not seen

@@ -3,6 +3,7 @@
 import math
 import re
 from itertools import product
+from types import SimpleNamespace
 
 import click
 import pytest
@@ -137,13 +138,9 @@ def test_a_table_has_a_column_for_each_quantity():
 
 
 def test_restarts_have_a_median_and_a_band_and_are_not_compared():
-    table, other = (
-        show_table({"SD": of_restarts([{"C": (value, 0.01, "mK"), "settled": text} for value, text in runs])})
-        for runs in (
-            [(0.9, "no"), (1.0, "yes"), (1.2, "no"), (30.0, "no")],
-            [(0.8, "no"), (0.8, "no"), (0.8, "no"), (0.8, "no")],
-        )
-    )
+    pairs = [(0.9, "no"), (1.0, "yes"), (1.2, "no"), (30.0, "no")], 4 * [(0.8, "no")]
+    runs = ([{"C": (value, 0.01, "mK"), "settled": text} for value, text in several] for several in pairs)
+    table, other = (show_table({"SD": of_restarts(several)}) for several in runs)
     row, note = (line.replace(SPACE, " ") for line in repr(table).splitlines()[1:])
     assert row.split("  ")[-2:] == ["1.10 (0.95–16.18)† mK", "3 no, 1 yes†"] and note == OF_RESTARTS
     assert agree(repr(table), repr(other)) and agree(table.html(), other.html())
@@ -161,13 +158,11 @@ def test_what_is_quoted_is_glued_and_not_seen(monkeypatch, capsys):
     quote(pca_loss=(0.95, 0.001))  # without a notebook there is nobody to keep it
     published = []
 
-    class Shell:
-        class display_pub:
-            @staticmethod
-            def publish(data, metadata):
-                published.append((data, metadata["scrapbook"]))
+    def publish(data, metadata):
+        published.append((data, metadata["scrapbook"]))
 
-    monkeypatch.setattr("IPython.get_ipython", Shell)
+    shell = SimpleNamespace(display_pub=SimpleNamespace(publish=publish))
+    monkeypatch.setattr("IPython.get_ipython", lambda: shell)
     quote(pca_loss=(0.95, 0.001), sky="synthetic", run=one_run((95.2, 1, "%")), settled=one_run("yes"))
     text, with_tolerance = QUOTED
     assert [data for data, _ in published] == [

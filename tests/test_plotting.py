@@ -240,17 +240,11 @@ class TestMarks:
         figure = planes.marks(self.GROUPS, ["one", "two"], self.LOOKS, breaks=[1])
         (axes,) = figure.axes
         signs = [(text.get_text(), *text.get_position()) for text in axes.texts if text.get_text() in "✓✗"]
-        expected = [
-            ("✓", 0.5, 1),
-            ("✓", 1.25, 1),
-            ("✗", 1.75, 1),
-            ("✗", 0.5, 3),
-            ("✗", 0.5, 4),
-            ("✓", 1.5, 4),
-        ]
-        assert [(sign, x, int(y)) for sign, x, y in signs] == expected
+        first = [("✓", 0.5, 1), ("✓", 1.25, 1), ("✗", 1.75, 1)]
+        second = [("✗", 0.5, 3), ("✗", 0.5, 4), ("✓", 1.5, 4)]
+        assert [(sign, x, int(y)) for sign, x, y in signs] == first + second
         colours = [matplotlib.colors.to_hex(patch.get_facecolor()) for patch in axes.patches]
-        assert colours == [{"✓": "#004400", "✗": "#ffddbb"}[sign] for sign, *_ in expected]
+        assert colours == [{"✓": "#004400", "✗": "#ffddbb"}[sign] for sign, *_ in first + second]
         assert texts(axes.get_legend().get_texts()) == ["✓ good", "✗ bad"]
 
 
