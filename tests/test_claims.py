@@ -356,9 +356,8 @@ def test_the_claim_that_the_book_adds(monkeypatch):
     world = World()
     assert all(holding(added.check(world), main=True).values())
     set_to("oscillating", ["gmca"], "angular", 1, DEGREES < 20)(world)
-    assert [name for name, held in holding(added.check(world), main=True).items() if not held] == [
-        "GMCA above the truth"
-    ]
+    main = holding(added.check(world), main=True)
+    assert [name for name, held in main.items() if not held] == ["GMCA above the truth"]
 
 
 def test_the_peak_masking_is_judged_with_the_sigma_with_which_most_parts_hold():

@@ -49,10 +49,8 @@ class TestAssumedBeam:
     )
     def test_windows(self, beam, kind, error, expected):
         freqs = np.linspace(900, 1400, 30)
-        found, wanted = (
-            one.windows(freqs, lmax=50).total for one in (assumed_beam(beam, kind, error), expected)
-        )
-        assert found == pytest.approx(wanted, rel=1e-12)
+        found = assumed_beam(beam, kind, error).windows(freqs, lmax=50).total
+        assert found == pytest.approx(expected.windows(freqs, lmax=50).total, rel=1e-12)
 
 
 @pytest.fixture(scope="module")

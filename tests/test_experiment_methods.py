@@ -47,9 +47,8 @@ class TestCurves:
         assert frequency["step"].to_numpy() == pytest.approx(2 * np.pi / 500)
         assert frequency["low"].iloc[0] == 1  # no k = 0
         bins = list(zip(angular["low"], angular["high"], strict=True))
-        assert angular["ratio"].tolist() == pytest.approx(
-            [self.SHARE[low : high + 1].mean() for low, high in bins]
-        )
+        means = [self.SHARE[low : high + 1].mean() for low, high in bins]
+        assert angular["ratio"].tolist() == pytest.approx(means)
         assert middles(angular).tolist() == [(low + high) / 2 for low, high in bins]
         assert {2, 5, 10, 20, 40} <= set(angular["low"]) and bins[-1][1] == 99  # no bin is in two bands
 

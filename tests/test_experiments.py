@@ -143,9 +143,8 @@ class TestTransfer:
         assert [row["band"] for row in found] == BANDS
         for row in found:
             unlike = 0.64 - 0.8
-            assert [row[name] for name in ("uncorrected", "corrected")] == pytest.approx(
-                [0.9, (0.9 - unlike) / 0.8]
-            )
+            both = [row[name] for name in ("uncorrected", "corrected")]
+            assert both == pytest.approx([0.9, (0.9 - unlike) / 0.8])
             assert row["foreground"] == pytest.approx(unlike / 0.8)
             assert row["error_bar"] == pytest.approx(0, abs=1e-12)
 

@@ -16,6 +16,7 @@ from himap.figures.numbers import QUOTED
 ROOT = Path(himap.__file__).parents[1]
 CONFTEST = ROOT / "notebooks" / "conftest.py"
 FOOTER = "quick · synthetic Galaxy · seed 2025 · himap 0.1.0, commit {} · {}"
+LINE = FOOTER.format("abc1234", "2.1 s")
 
 
 def test_the_committed_notebooks_are_fresh():
@@ -86,14 +87,8 @@ CELLS = {  # what agrees within a tolerance is tested with `agree`; here in whic
     "quoted_count": cell(QUOTE.format("27"), quoted("27")),
     "quoted_another": cell(QUOTE.format("27"), quoted("26")),
     "quoted_nothing": cell(QUOTE.format("27")),
-    "footer": cell(
-        f"print({FOOTER.format('abc1234', '2.1 s')!r})",
-        printed(FOOTER.format("unknown with edits", "11 min")),
-    ),
-    "seed": cell(
-        f"print({FOOTER.format('abc1234', '2.1 s')!r})",
-        printed(FOOTER.format("abc1234", "2.1 s").replace("2025", "2026")),
-    ),
+    "footer": cell(f"print({LINE!r})", printed(FOOTER.format("unknown with edits", "11 min"))),
+    "seed": cell(f"print({LINE!r})", printed(LINE.replace("2025", "2026"))),
     "unexecuted": cell("x = 1", executed=False),
     "comment": cell("# only a comment", executed=False),
 }

@@ -145,9 +145,8 @@ class TestSpectrum:
 
         panel = plotting.comparison_panel("angular", [(PCA, [one(2, 1), one(3, 2)]), (PCA, one(2, 3))])
         (_, x, recovered, true), (_, fine, single, _) = panel["curves"]
-        assert x.tolist() == np.arange(2.0, 40, 3).tolist() and recovered / true == pytest.approx(
-            np.outer([1, 2], np.ones(len(x)))
-        )
+        assert x.tolist() == np.arange(2.0, 40, 3).tolist()
+        assert recovered / true == pytest.approx(np.outer([1, 2], np.ones(len(x))))
         assert len(fine) == 19 and single == pytest.approx(3 * fine)
 
 

@@ -246,10 +246,8 @@ def test_a_run_with_other_parameters(folder, monkeypatch):
     assert reproduce.run("01", **passed, again=False) == (path, False)
     assert path.read_text() == text
     assert reproduce.run("01", **passed)[1]
-    code = folder / "01_toy.py"
-    code.write_text(
-        code.read_text().replace("A cell of comments only.", "Other comments.") + "\nmade.nside\n"
-    )
+    edit(folder / "01_toy.py", "A cell of comments only.", "Other comments.")
+    edit(folder / "01_toy.py", "print(made", "made.nside\nprint(made")
     assert reproduce.run("01", **passed, again=False)[1]
     path.write_text("{")
     assert reproduce.run("01", **passed, again=False, overwrite=True)[1]
@@ -273,9 +271,8 @@ def test_the_kernel_is_of_this_python_and_says_what_it_ran_with(folder, tmp_path
     path, _ = reproduce.run("02", folder=folder, output=tmp_path / "who.ipynb")
     node = nbformat.read(path, as_version=4)
     execution = node.metadata["himap_run"]["execution"]
-    assert execution["himap"] == sys.executable and execution["python"] == ".".join(
-        map(str, sys.version_info[:3])
-    )
+    version = ".".join(map(str, sys.version_info[:3]))
+    assert (execution["himap"], execution["python"]) == (sys.executable, version)
     assert outputs(path) == "True\n" and len(node.cells) == 2  # it begins with its parameters
 
 
@@ -448,11 +445,8 @@ def test_clouds_of_points_are_not_kept():
 @pytest.mark.parametrize("harm", ["a cell", "another file", "nothing"])
 def test_what_somebody_wrote_is_not_lost(folder, no_kernel, harm):
     """A copy that was edited, or a file of another kind or of a chosen name, stays without --overwrite."""
-    passed = {
-        "parameters": {"preset": "ci"},
-        "folder": folder,
-        "output": None if harm != "nothing" else "mine.ipynb",
-    }
+    output = "mine.ipynb" if harm == "nothing" else None
+    passed = {"parameters": {"preset": "ci"}, "folder": folder, "output": output}
     path, _ = reproduce.run("01", **passed)
     if harm != "nothing":
         assert reproduce.run("01", **passed) == (path, True)
