@@ -159,7 +159,7 @@ class TestMeasured:
         )
         assert pulls_of(with_beams)[1] < 4 < 12 < pulls_of(without)[0]
 
-    def test_pull_with_the_systematic_error(self, cube, cleaned, truth, rng):
+    def test_table_and_file_of_spectra(self, cube, cleaned, truth, rng, tmp_path):
         comparison, mocks = compared(cleaned, replace(cube, maps=truth)), [blue(rng) for _ in range(2)]
         both, _ = corrected_by(cleaned, mocks, comparison)
         one = replace(both["angular"], systematic=0.3 * both["angular"].corrected, drawn=True)
@@ -171,6 +171,17 @@ class TestMeasured:
         pull = ((one.corrected / one.truth)[inside].mean() - 1) / np.array([bar, np.hypot(bar, 0.3)])
         assert row[HEADER.index("systematic")] == "30.00%"
         assert [float(cell) for cell in row[-2:]] == pytest.approx(pull, abs=0.051)
+        write_spectra(both, tmp_path / "a.csv")
+        rows = list(csv.DictReader((tmp_path / "a.csv").read_text().splitlines()))
+        angular = [row for row in rows if row["spectrum"] == "angular"]
+        assert [float(row["x"]) for row in angular] == both["angular"].x.tolist()
+        assert float(angular[3]["corrected"]) == pytest.approx(both["angular"].corrected[3])
+        assert float(angular[3]["truth"]) == pytest.approx(comparison.true_angular[3])
+        assert angular[-1]["truth"] == "nan"  # beyond 2 nside
+        sample = both["angular"].sigma(np.eye(len(both["angular"].x))[3:4], "sample")[0]
+        assert float(angular[3]["sample"]) == pytest.approx(sample, rel=1e-6)
+        errors = [float(angular[3][f"error_{n}"]) for n in (1, 2)]
+        assert covariance(np.array([errors]).T).item() == pytest.approx(float(angular[3]["sigma"]) ** 2)
 
     @pytest.mark.parametrize(("n_sources", "beams"), [(1, False), (1, True), (2, False), (2, True)])
     def test_foreground_that_members_do_not_have_is_said(self, cube, rng, n_sources, beams):
@@ -311,28 +322,14 @@ class TestMeasured:
         one = correct(cleaned, transfer, spectra_of(cleaned))["angular"]
         assert one.x[np.isnan(one.corrected)] == [12]
 
-    def test_a_method_without_a_number_of_sources(self, cube, rng):
-        cleaned = clean_cube(cube, "polynomial", order=3, peaks=False)
-        both, _ = corrected_by(cleaned, [blue(rng), blue(rng)])
-        assert np.isfinite(both["angular"].corrected).all()
-
-    def test_file_of_spectra(self, cube, cleaned, truth, rng, tmp_path):
-        comparison = compared(cleaned, replace(cube, maps=truth))
-        both, _ = corrected_by(cleaned, [blue(rng), blue(rng)], comparison)
-        write_spectra(both, tmp_path / "a.csv")
-        rows = list(csv.DictReader((tmp_path / "a.csv").read_text().splitlines()))
-        angular = [row for row in rows if row["spectrum"] == "angular"]
-        assert [float(row["x"]) for row in angular] == both["angular"].x.tolist()
-        assert float(angular[3]["corrected"]) == pytest.approx(both["angular"].corrected[3])
-        assert float(angular[3]["truth"]) == pytest.approx(comparison.true_angular[3])
-        assert angular[-1]["truth"] == "nan"  # beyond 2 nside
-        sample = both["angular"].sigma(np.eye(len(both["angular"].x))[3:4], "sample")[0]
-        assert float(angular[3]["sample"]) == pytest.approx(sample, rel=1e-6)
-        errors = [float(angular[3][f"error_{n}"]) for n in (1, 2)]
-        assert covariance(np.array([errors]).T).item() == pytest.approx(float(angular[3]["sigma"]) ** 2)
-
-    def test_correlations_of_bands(self, cleaned, rng):
-        both, _ = corrected_by(cleaned, (blue(rng) for _ in range(3)))
+    def test_errors_are_those_of_the_transfer_function_and_bands_have_correlations(self, cleaned, rng):
+        """So is the sample variance."""
+        both, transfer = corrected_by(cleaned, (blue(rng) for _ in range(3)))
+        for kind, first in (("angular", 2), ("frequency", 1)):
+            one = both[kind]
+            inside = slice(first, first + len(one.x))
+            assert one.errors == pytest.approx(transfer.errors(kind)[:, inside], rel=1e-9)
+            assert one.sample == pytest.approx(transfer.sample(kind)[:, inside], rel=1e-9)
         table = correlation_table(both)
         matrix = np.array([[float(cell) for cell in row[1:]] for row in table.rows])
         assert table.header[1:] == [row[0] for row in corrected_table(both).rows]
@@ -373,12 +370,3 @@ class TestCommands:
         page = Path("c.html").read_text()
         assert "Corrected spectra" in page and "fifths of the sky" in page
         run("clean", "cube.h5", *words, "-o", "c.h5", code=2)  # is there
-
-
-def test_errors_and_sample_variance_are_those_of_the_transfer_function(cleaned, rng):
-    both, transfer = corrected_by(cleaned, [blue(rng) for _ in range(3)])
-    for kind, first in (("angular", 2), ("frequency", 1)):
-        one = both[kind]
-        inside = slice(first, first + len(one.x))
-        assert one.errors == pytest.approx(transfer.errors(kind)[:, inside], rel=1e-9)
-        assert one.sample == pytest.approx(transfer.sample(kind)[:, inside], rel=1e-9)
