@@ -527,6 +527,8 @@ for word, values, message in (
 ):
     name = f"{word} of {values.dtype} {values.shape} {values.ravel()[5]}"
     add(name, f"good.h5 --{word} w.npy", message, save, "w.npy", values)
+add("infinite weights in FITS", "good.h5 --weights w.fits", "w.fits must be finite and 0 or more; 0 means "
+    "not seen; 1 are not", write_fits, "w.fits", bad(np.inf)[0], column_units=None)  # fmt: skip
 ones, images = np.ones(SHAPE), np.ones((N_CHANNELS, N_Y, N_X), "f4")
 descending = {"column_names": [f"{freq:g} MHz" for freq in FREQS[::-1]]}
 for word in ("weights", "flags"):
@@ -582,7 +584,8 @@ add("over its truth", "good.h5 --truth good.npy -o good.npy --overwrite", "made 
 add("over its cube by another name", ["link.npy", *READING, "-o", "good.npy", "--overwrite"], "made from",
     os.symlink, "good.npy", "link.npy")  # fmt: skip
 add("an output that is there", "good.h5 -o good.fits", "give --overwrite")
-add("an output of no kind", "good.h5 -o c.txt", "the output is a")
+message = "the output is a .h5, .hdf5, .fits, .fits.gz or .npy file, got c.txt"
+add("an output of no kind", "good.h5 -o c.txt", message)
 for name in ("nowhere/c.h5", "c.hdf", "", "..", "c\0.h5"):
     add(f"an output {name!r}", ["good.h5", "-o", name], "")
 add("a folder as output", "good.h5 -o p.h5 --overwrite", "p.html is a folder", os.mkdir, "p.html")

@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+from dataclasses import replace
 
 import h5py
 import healpy as hp
@@ -26,8 +27,8 @@ MHZ = 980 + 2.0 * np.arange(N_CHANNELS)
 class TestAxes:
     """Arrays (RA, Dec, channel) of numpy, written as they are under a header of the sky."""
 
-    def write(self, images, axes=SKY["ZEA"], **cards):
-        write_image("turned.fits", images.transpose(2, 1, 0), axes=axes, **cards)
+    def write(self, images, axes=SKY["ZEA"], name="turned.fits", **cards):
+        write_image(name, images.transpose(2, 1, 0), axes=axes, **cards)
 
     @pytest.mark.parametrize(
         "axes", [SKY["ZEA"], (*SKY["ZEA"], FREQ), (FREQ, *SKY["ZEA"]), (*SKY["ZEA"], STOKES, FREQ)]
@@ -47,6 +48,28 @@ class TestAxes:
         if len(axes) == 2:  # where the file itself says too little of its axes
             truth = read_truth("turned.fits", axes="ra,dec,freq", freqs=MHZ)
             assert np.array_equal(truth.maps, cube.maps)
+
+    def test_axes_hold_for_the_truth_or_its_header_does(self, images, rng):
+        """That does where the axes are of an array whose header has two, with frequencies from elsewhere.
+
+        With as many channels as columns, so that no shape tells them apart.
+        """
+        images, axes = images[:N_X], (*SKY["SIN"], FREQ)
+        truth = rng.standard_normal(images.shape).astype(np.float32)
+        self.write(images, axes)
+        self.write(truth, axes, "t.fits")
+        write_image("own.fits", truth, axes=axes)
+        cube = read_cube("turned.fits", axes="ra,dec,freq")
+        assert np.array_equal(cube.maps.reshape(images.shape), images)
+        other = replace(cube, layout=replace(cube.layout, freqs_from="freqs.txt"))
+        for name, of in (("t.fits", cube), ("own.fits", other)):
+            found = read_truth(name, cube=of, axes="ra,dec,freq")
+            assert np.array_equal(found.maps, truth.reshape(N_X, -1))
+        self.write(np.zeros_like(images), axes, "f.fits", BUNIT="")
+        with pytest.raises(
+            InputError, match=r"is turned \(--axes\).*give it as .npy of the shape .n_channels, 12"
+        ):
+            read_cube("turned.fits", axes="ra,dec,freq", flags="f.fits")
 
     @pytest.mark.parametrize("gain", [0, 0.05])
     def test_a_header_that_fits_the_array_turned_round_is_doubted(self, gain, rng):
@@ -201,7 +224,7 @@ class TestLogical:
     kept = np.arange(N_PIX) % 3 > 0
 
     @pytest.mark.parametrize("nest", [False, True])
-    def test_masks(self, nest):
+    def test_masks_and_flags(self, nest):
         """FITS has its own order; arrays have that of the cube, here the other one."""
         ordered = {False: self.kept, True: hp.reorder(self.kept.astype("f4"), r2n=True) > 0}
         write_hdf5("a.h5", said={"unit": "mK", "order": "RING" if nest else "NESTED"})
@@ -212,14 +235,5 @@ class TestLogical:
         for dtype in (bool, np.uint8, float):
             np.save("m.npy", ordered[not nest].astype(dtype))
             assert np.array_equal(read_mask("m.npy", layout)[0], self.kept)
-
-    def test_flags(self):
-        write_hdf5("a.h5")
-        hp.write_map("bad.fits", ~self.kept, dtype=bool, column_units=None)
+        hp.write_map("bad.fits", ~ordered[nest], nest=nest, dtype=bool, column_units=None)
         assert np.array_equal(read_cube("a.h5", flags="bad.fits").mask, self.kept)
-
-    def test_of_images(self, images):
-        write_image("a.fits", images)
-        kept = np.arange(N_Y * N_X).reshape(N_Y, N_X) % 3 > 0
-        np.save("m.npy", kept)
-        assert np.array_equal(read_mask("m.npy", read_cube("a.fits").layout)[0], kept.ravel())

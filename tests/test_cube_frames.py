@@ -16,7 +16,7 @@ from himap.maps import sphere
 from himap.maps.frames import frame_of
 from himap.maps.healpix_io import read_maps, write_maps
 
-pytestmark = pytest.mark.usefixtures("here")
+pytestmark = pytest.mark.usefixtures("no_pages", "here")
 
 NSIDE = 8
 N_PIX = 12 * NSIDE**2
@@ -127,22 +127,19 @@ class TestDiffer:
         output = run("clean", cube, f"--{name}", file, *common, code=2).output
         assert f"{file} is Galactic (COORDSYS = G), of the cube celestial" in output and "--rotate" in output
 
-    def test_a_mask_is_rotated(self, cube, latitudes, files):
-        """The kept pixels are those of |b| > 20 deg, but for a pixel at the edge, of 7 deg."""
-        mask, galactic = read_cube(cube).masked("mask.fits", rotate=True), latitudes[1]
-        sure = np.abs(galactic - 20) > 6
-        assert sure.mean() > 0.7 and np.array_equal(mask.mask[sure], galactic[sure] > 20)
-        assert "rotated, Galactic to celestial" in " ".join(mask.remarks)
-
     @pytest.mark.parametrize("nest", [False, True])
-    def test_weights_and_flags_are_rotated(self, nest, maps, latitudes, files):
+    def test_masks_weights_and_flags_are_rotated(self, nest, maps, latitudes, files):
+        """The kept pixels are those of |b| > 20 deg, but for a pixel at the edge, of 7 deg."""
         given = np.array([hp.reorder(row, r2n=True) for row in maps]) if nest else maps
         cube = read_cube(
             write("n.fits", given, "C", nest=nest), weights="weights.fits", flags="flags.h5", rotate=True
         )
-        mask = read_cube("n.fits").masked("mask.fits", rotate=True).mask
-        assert np.array_equal(cube.mask, mask)
-        assert np.abs(cube.weights - latitudes[1][mask]).max() < 6
+        masked, galactic = read_cube("n.fits").masked("mask.fits", rotate=True), latitudes[1]
+        sure = np.abs(galactic - 20) > 6
+        assert sure.mean() > 0.7 and np.array_equal(masked.mask[sure], galactic[sure] > 20)
+        assert "rotated, Galactic to celestial" in " ".join(masked.remarks)
+        assert np.array_equal(cube.mask, masked.mask)
+        assert np.abs(cube.weights - galactic[masked.mask]).max() < 6
         assert sum("rotated, Galactic to celestial" in remark for remark in cube.remarks) == 2
 
     def test_a_truth_is_rotated(self, cube, rng):

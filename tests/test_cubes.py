@@ -21,11 +21,6 @@ from himap.removal.peaks import mask_peaks
 METHODS = removal.available()
 
 
-@pytest.fixture
-def shuffled(rng):
-    return rng.permutation(len(FREQS))
-
-
 @pytest.mark.parametrize("missing", [np.nan, np.inf, hp.UNSEEN])
 def test_pixels_that_one_channel_does_not_see_are_masked_in_all(maps, missing, tmp_path):
     """For methods that take weights too, if they are few; a blind channel is no gap."""
@@ -94,23 +89,18 @@ class TestCleaning:
         assert page.count("<img alt=") == 3 and "C/C0" in page and "http" not in page
 
 
-class TestBeams:
-    @pytest.fixture
-    def cube(self, maps, shuffled, tmp_path):
-        np.save(tmp_path / "a.npy", maps[shuffled])
-        return read_cube(tmp_path / "a.npy", freqs=FREQS[shuffled], unit="mK", order="RING")
-
-    def test_by_dish(self, cube):
-        expected = sphere.gaussian_beam(diffraction_fwhm(FREQS, 20), 3 * NSIDE - 1)
-        assert beams_of(cube, "evolving", dish=20) == pytest.approx(expected)
-        worst = beams_of(cube, "degraded", dish=20)
-        assert worst[-1] == pytest.approx(expected[0])
-
-    def test_file_of_b_l_in_the_order_of_the_cube(self, cube, shuffled, tmp_path):
-        """One of widths has the contract of all beams (test_beams.py)."""
-        transfer = sphere.gaussian_beam(np.deg2rad(np.linspace(2, 1, 24)), 60)
-        np.save(tmp_path / "b.npy", transfer[shuffled])
-        assert beams_of(cube, tmp_path / "b.npy") == pytest.approx(transfer[:, : 3 * NSIDE])
+def test_beams_by_dish_and_of_a_file_in_the_order_of_the_cube(maps, rng, tmp_path):
+    """A file of b_l; one of widths has the contract of all beams (test_beams.py)."""
+    shuffled = rng.permutation(len(FREQS))
+    np.save(tmp_path / "a.npy", maps[shuffled])
+    cube = read_cube(tmp_path / "a.npy", freqs=FREQS[shuffled], unit="mK", order="RING")
+    expected = sphere.gaussian_beam(diffraction_fwhm(FREQS, 20), 3 * NSIDE - 1)
+    assert beams_of(cube, "evolving", dish=20) == pytest.approx(expected)
+    worst = beams_of(cube, "degraded", dish=20)
+    assert worst[-1] == pytest.approx(expected[0])
+    transfer = sphere.gaussian_beam(np.deg2rad(np.linspace(2, 1, 24)), 60)
+    np.save(tmp_path / "b.npy", transfer[shuffled])
+    assert beams_of(cube, tmp_path / "b.npy") == pytest.approx(transfer[:, : 3 * NSIDE])
 
 
 def test_frequencies_of_other_channels_are_no_obstacle_to_those_that_are_given(maps, tmp_path):

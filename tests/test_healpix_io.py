@@ -126,10 +126,7 @@ class TestReading:
         with pytest.raises(InputError, match=r"maps.fits(: there is no table| cannot be read as HEALPix)"):
             read_maps(path)
 
-    def test_an_order_or_a_number_of_pixels_that_is_none(self, maps, path):
-        write_table(path, maps, ORDERING="SPIRAL")
-        with pytest.raises(InputError, match=r"ORDERING in .*maps.fits must be RING or NESTED, got 'SPIRAL'"):
-            read_maps(path)
+    def test_a_number_of_pixels_that_is_none(self, path):
         write(path, np.ones(12 * 6**2))
         with pytest.raises(InputError, match="nside a power of two; got 432 pixels"):
             read_maps(path)

@@ -86,19 +86,18 @@ class TestCleaning:
         assert np.isnan(found[:, ~kept]).all()
         expected = clean_cube(read_cube(path).within(kept.ravel()), "pca", n_sources=2)
         assert np.array_equal(found[:, kept], expected.residual)
+        np.save(tmp_path / "m.npy", kept)
+        assert np.array_equal(read_cube(path).masked(tmp_path / "m.npy").mask, kept.ravel())
 
-    def test_a_unit_that_is_told_is_written(self, images, tmp_path):
+    def test_outputs_in_the_unit_that_is_told(self, images, tmp_path):
         path = write_image(tmp_path / "a.fits", images / 1e3, BUNIT="")
         cleaned = clean_cube(read_cube(path, unit="K"), "pca", n_sources=2)
         save_cleaned(cleaned, tmp_path / "c.fits")
         assert fits.getheader(tmp_path / "c.fits")["BUNIT"] == "K"
-        assert np.allclose(1e3 * fits.getdata(tmp_path / "c.fits").reshape(20, -1), cleaned.residual)
-
-    def test_other_outputs(self, images, tmp_path):
-        cleaned = clean_cube(read_cube(write_image(tmp_path / "a.fits", images)), "pca", n_sources=2)
-        written = [path.name for path in save_cleaned(cleaned, tmp_path / "c.npy")]
-        assert written == ["c.npy", "c_foreground.npy", "c_mixing.txt"]
-        assert np.array_equal(np.load(tmp_path / "c.npy"), cleaned.residual.reshape(images.shape))
+        written = [path.name for path in save_cleaned(cleaned, tmp_path / "d.npy")]
+        assert written == ["d.npy", "d_foreground.npy", "d_mixing.txt"]
+        for found in (fits.getdata(tmp_path / "c.fits"), np.load(tmp_path / "d.npy")):
+            assert np.allclose(1e3 * found, cleaned.residual.reshape(images.shape))
         assert [path.name for path in save_cleaned(cleaned, tmp_path / "c.h5")] == ["c.h5"]
 
 

@@ -49,6 +49,7 @@ FREQS = np.linspace(902.5, 1397.5, 100)
 SKY = 1e4 * (FREQS[:, None] / 1150) ** np.linspace(-3.2, -2.1, N_PIX)
 ONES = np.ones((16, N_PIX))
 BROKEN = np.where(np.indices(SKY.shape).sum(axis=0) == 0, np.nan, SKY)
+FLAT = np.where(np.arange(100)[:, None] == 5, 3.0, SKY)
 DARK = np.where(np.indices(SKY.shape).sum(axis=0) == 0, 0, SKY)
 ONE = HarmonicPower(power=np.ones((5, 4)), n_channels=6, channel_width=1.0)
 CELL = np.array([3.0, 2.0, 2.5])
@@ -100,6 +101,8 @@ within = partial(clean, "beam_subspace", 4, mask=np.arange(N_PIX) < N_PIX // 2)
 peaks = partial(mask_peaks, SKY, FREQS)
 powers, along = partial(angular_power, ONES), partial(frequency_power, ONES)
 checked = partial(checked_cube, "maps")
+a_table = partial(regular_file, kind="table")
+squared_error = partial(mean_squared_error, [1.0], [1.0])
 without_lines = partial(frequency_power_without, None, channel_width=2.0, cube=SKY)
 CI, TAPERED = Study(preset="ci"), replace(CASE, survey=replace(SURVEY, taper="hann"))
 COUNTS = [1, 3], [3], [], [0, 1], range(20, 25), range(1, 10**30), [2, 1], 3
@@ -159,12 +162,7 @@ TABLE = [
     (named, "text", 3, "a beam is a name or the path of a file, got 3"),
     (named, "text", "meerkat:band=L,Band=UHF", "given twice"),
     (named, "text", "meerkat:band=S", "band must be any, UHF or L, got 'S'"),
-    (
-        partial(regular_file, kind="table"),
-        "path",
-        "/dev/null",
-        "the table /dev/null must be a file that is on",
-    ),
+    (a_table, "path", "/dev/null", "the table /dev/null must be a file that is on"),
     (FromFile, "path", "nowhere.txt", "there is no file nowhere.txt"),
     (windows("oscillating"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz"),
     (windows("rippled"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz.*oscillating:ripple=additive"),
@@ -200,12 +198,7 @@ TABLE = [
     (method("gaussian_process"), "longest_hi", 0, "longest_hi .* must be above 0"),
     (partial(clean, "gaussian_process"), "n_channels", 6, "needs 7 channels or more, got 6"),
     (partial(clean, "gnilc"), "n_channels", 7, "needs 8 channels or more, got 7"),
-    (
-        partial(clean, "pca"),
-        "maps",
-        np.where(np.arange(100)[:, None] == 5, 3.0, SKY),
-        "channel 5 has one value everywhere",
-    ),
+    (partial(clean, "pca"), "maps", FLAT, "channel 5 has one value everywhere"),
     (partial(clean, "gaussian_process"), "maps", np.ones(SKY.shape), "maps that vary over the sky"),
     (method("gnilc"), "prior", 3, "prior must be the path"),
     (method("gnilc"), "first_peak", 1, "first_peak .* must be at least 2"),
@@ -344,12 +337,7 @@ TABLE = [
     (partial(compare_samples, np.zeros((4, 3))), "two", np.full((5, 3), np.nan), "finite"),
     (partial(ratio, [1.0]), "true", [1.0, 2.0], "one shape"),
     (partial(ratio, [1.0]), "true", [0.0], "must be positive"),
-    (
-        partial(mean_squared_error, [1.0], [1.0]),
-        "definition",
-        "rms",
-        "'rms'; there are relative, logarithmic",
-    ),
+    (squared_error, "definition", "rms", "'rms'; there are relative, logarithmic"),
     (partial(inside, np.arange(5), np.arange(5), 4), "high", 9, "between 4 and 9: the values go from 0 to 4"),
     (restarted(removal.PCA()), "n", 8, "pca does not depend on its start"),
     (restarted(removal.SDecGMCA()), "n", 0, "restarts must be a whole number between 1"),
