@@ -28,23 +28,16 @@ def test_pysm3_without_network_says_what_to_do():
         assert [component.freq_ref for component in sky] == [408, 30_000]
 
 
-def test_weight_goes_from_the_plane_to_the_edge_and_stays():
-    nside = 64
-    latitude = np.abs(sphere.pixel_latitude(nside))
-    weights = Dimming().weights(nside)
+def test_weight_is_a_gaussian_of_a_third_of_the_edge_and_1_beyond():
+    """Far from the edge, where the small step that closes the gap to 1 does not matter."""
+    latitude = np.abs(sphere.pixel_latitude(64))
+    weights, inside = Dimming(weight=0.0, edge=30.0).weights(64), latitude < 15
+    assert weights[inside] == pytest.approx(1 - np.exp(-(latitude[inside] ** 2) / 200), abs=0.012)
+    weights = Dimming().weights(64)
     assert weights[latitude.argmin()] == pytest.approx(0.1, abs=1e-3)
     assert (weights[latitude >= 15] == 1).all()
     assert (np.diff(weights[np.argsort(latitude)]) >= 0).all()
     assert (Dimming(weight=1.0).weights(16) == 1).all()
-
-
-def test_weight_is_a_gaussian_of_a_third_of_the_edge():
-    """Far from the edge, where the small step that closes the gap to 1 does not matter."""
-    nside = 64
-    latitude = sphere.pixel_latitude(nside)
-    weights = Dimming(weight=0.0, edge=30.0).weights(nside)
-    inside = np.abs(latitude) < 15
-    assert weights[inside] == pytest.approx(1 - np.exp(-(latitude[inside] ** 2) / 200), abs=0.012)
 
 
 def test_only_foregrounds_are_dimmed():

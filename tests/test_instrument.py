@@ -117,16 +117,6 @@ def test_noise_of_the_degraded_case(reading, rng):
     assert np.array_equal(seen.maps, seen.truth)
 
 
-def test_foregrounds_as_spectra_times_maps(cubes, rng):
-    hi, _, noise = cubes
-    spectra, maps = 1 + rng.random((SURVEY.n_channels, 2)), 1e4 * rng.random((2, SURVEY.n_pix))
-    beam = Evolving().of_survey(SURVEY)
-    alms, hi_alms = sphere.analyse(maps), sphere.analyse(hi.astype(float))
-    one = observe(hi_alms, HarmonicModes(spectra=spectra, alms=alms), noise, beam, SURVEY)
-    two = of_maps(hi, (spectra @ maps).astype(np.float32), noise, beam)
-    assert one.maps == pytest.approx(two.maps, abs=0.01)  # float32 of 1e4 mK has 1e-3
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [
