@@ -62,9 +62,3 @@ def test_what_is_lost_or_left_is_counted(trial, monkeypatch):
     left = {f"left_{name}": 1 for name in ("beside_outputs", "in_the_cache", "in_temporary_folders")}
     assert trial.counts == {"other_results": 1, "processes_left": 1, "finished": 1, **left}
     assert not place.folder.exists()
-
-
-def test_counts_can_be_made_one_after_the_other(tmp_path):
-    assert endurance._stored(None) == endurance._stored(tmp_path / "none.json") == {}
-    (tmp_path / "found.json").write_text('{"about": {}, "found": {"run_killed": {"kills": 3}}}')
-    assert endurance._stored(tmp_path / "found.json") == {"run_killed": {"kills": 3}}

@@ -8,7 +8,6 @@ from scipy.integrate import quad
 from himap.maps import sphere
 from himap.maps.starlets import cosine_needlets
 from himap.removal import gnilc
-from himap.removal.data import Data
 from himap.removal.gnilc import (
     GNILC,
     foreground_filter,
@@ -112,11 +111,6 @@ def test_what_is_lost_of_hi_is_what_looks_like_the_foreground(sky, mock):
     hi = hi - hi.mean(axis=1, keepdims=True)
     lost = SPECTRA @ np.linalg.solve(weighted @ SPECTRA, weighted @ hi)
     assert np.std(cleaned.residual - (hi - lost)) < 0.1 * np.std(hi)
-
-
-def test_two_axes_in_each_needlet_without_a_mock(sky):
-    found = GNILC(first_peak=8).separate(Data.of(sum(sky), freqs=FREQS))
-    assert found.mixing.shape[1] == 2 * 3
 
 
 def test_sky_without_foreground_is_not_changed(rng, mock):

@@ -115,11 +115,6 @@ def test_settings_of_the_regularisation_and_as_many_restarts(options, strategy, 
     assert {*settings.values(), *expected} <= set(sky.assessments)
 
 
-def test_a_method_without_regularisation_has_no_settings():
-    sky = replace(SKY, method="beam_subspace")
-    assert (sky._settings(), sky._restarts(0)) == ({}, [])
-
-
 def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
     """It has its own options, and those alone; in the claims it goes by the name of SDecGMCA."""
     monkeypatch.setitem(BEAM_AWARE, "other", (Other, ("n_sources",)))
@@ -136,8 +131,9 @@ def test_another_method_in_the_place_of_sdecgmca(monkeypatch):
     assert not {SDecGMCA} & {type(method) for _, method, *_ in sky.assessments}
 
 
-def test_a_method_without_that_option_goes_on_as_it_is():
+def test_a_method_without_those_options_has_no_settings_and_goes_on_as_it_is():
     sky = replace(SKY, method="beam_subspace")
+    assert (sky._settings(), sky._restarts(0)) == ({}, [])
     for beam in ("degraded", "evolving", "oscillating"):
         assert sky._beyond(beam) == sky.calls(beam)["sdecgmca"]
 

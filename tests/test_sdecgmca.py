@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,7 +13,6 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.blurred_mixture import BlurredMixture
-from himap.removal.data import Data
 from himap.removal.sdecgmca.method import SDecGMCA, Step
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 from himap.removal.sdecgmca.scales import Scales
@@ -31,20 +31,15 @@ def clean(method, maps, **options):
     return method.clean(maps, freqs=FREQS, beams=options.pop("beams", BEAMS), **options)
 
 
+@pytest.fixture(scope="module")
+def clean_once():
+    """What a method makes of `problem` with noise at 10 dB, once for all tests."""
+    rng = np.random.default_rng(12345)
+    seen = noisy(make_problem(rng)[0], 10, rng)
+    return cache(lambda method: clean(method, seen))
+
+
 class TestSeparation:
-    def test_least_squares_both_ways(self, problem):
-        maps, mixing, sources = problem
-        data = mixture_of(maps, floor=0)
-        found = data.sources(data.inverses(mixing, 0))
-        assert found == pytest.approx(sources, abs=2e-4 * np.abs(sources).max())
-        assert data.fit(sources, np.ones(LMAX + 1)) == pytest.approx(mixing, abs=1e-4)
-
-    def test_its_problem_is_that_of_all_modes(self, problem):
-        data = Data(maps=problem[0], freqs=FREQS, beams=BEAMS, noise=0.5)
-        mixture, _, start = SDecGMCA(**QUICK).problem(data)
-        plain, inverses = replace(mixture, modes=data.modes.upto(mixture.lmax)), mixture.inverses(start, 1e-3)
-        assert mixture.sources(inverses) == pytest.approx(plain.sources(inverses), rel=1e-9)
-
     @pytest.mark.parametrize("reading", READINGS)
     def test_removes_a_noise_free_sky(self, problem, reading):
         maps = problem[0]
@@ -97,10 +92,9 @@ class TestSeparation:
             floored.append(mixture.floored(mixing, epsilon))
         assert floored == [1, 0]
 
-    def test_not_settling_is_recorded(self, problem, rng):
+    def test_not_settling_is_recorded(self, clean_once):
         """Its limits are those of C21's code: that many iterations are its end, and no warning."""
-        method = SDecGMCA(**QUICK | {"n_warmup": 1}, tolerance=0.0)
-        cleaned = clean(method, noisy(problem[0], 10, rng))
+        cleaned = clean_once(SDecGMCA(**QUICK | {"n_warmup": 1}, tolerance=0.0))
         assert not cleaned.separation.converged
         assert 50 < cleaned.separation.n_iterations <= 101
 
@@ -108,8 +102,8 @@ class TestSeparation:
 class TestRestarts:
     """What each run says of itself; that restarts differ is tested in test_restarts.py and the ensemble."""
 
-    def test_diagnostics(self, problem, rng):
-        separation = clean(SDecGMCA(**QUICK), noisy(problem[0], 10, rng)).separation
+    def test_diagnostics(self, clean_once):
+        separation = clean_once(SDecGMCA(**QUICK)).separation
         diagnostics = separation.diagnostics
         assert diagnostics["n_warmup"] + diagnostics["n_refinement"] == separation.n_iterations
         assert diagnostics["condition"] == pytest.approx(np.linalg.cond(separation.mixing))
@@ -133,28 +127,25 @@ class TestRestarts:
 
 
 class TestBeyond:
-    def test_cut_ends_what_is_left(self, problem, rng):
-        seen = noisy(problem[0], 10, rng)
-        cleaned = clean(SDecGMCA(**QUICK, lmax=20, beyond="cut"), seen)
+    def test_cut_ends_what_is_left(self, clean_once):
+        cleaned = clean_once(SDecGMCA(**QUICK, lmax=20, beyond="cut"))
         spectrum = sphere.power_spectrum(sphere.analyse(cleaned.residual.astype(float)))
         assert cleaned.separation.lmax == 20
         assert spectrum[:, 25:].max() < 1e-2 * spectrum[:, 5:21].min()
 
     @pytest.mark.parametrize("beyond", ["regularised", "projection"])
-    def test_up_to_lmax_it_is_the_same(self, problem, rng, beyond):
-        seen = noisy(problem[0], 10, rng)
+    def test_up_to_lmax_it_is_the_same(self, clean_once, beyond):
         method = SDecGMCA(**QUICK, lmax=20, last="once")
-        cut, whole = (clean(replace(method, beyond=way), seen) for way in ("cut", beyond))
+        cut, whole = (clean_once(replace(method, beyond=way)) for way in ("cut", beyond))
         assert whole.separation.lmax is None
         low, other = (sphere.analyse(one.residual.astype(float), 15, n_iter=5) for one in (cut, whole))
         assert np.linalg.norm(low - other) < 0.1 * np.linalg.norm(low)
         fine = sphere.analyse(whole.residual.astype(float))[:, sphere.alm_degree(47) > 25]
         assert np.abs(fine).std() > 0
 
-    def test_projection_leaves_nothing_of_its_spectra(self, problem, rng):
+    def test_projection_leaves_nothing_of_its_spectra(self, clean_once):
         """Beyond lmax the residual is orthogonal to the spectra seen through the beams, at every l."""
-        seen = noisy(problem[0], 10, rng)
-        cleaned = clean(SDecGMCA(**QUICK, lmax=20, beyond="projection"), seen)
+        cleaned = clean_once(SDecGMCA(**QUICK, lmax=20, beyond="projection"))
         modes = harmonic.to_modes(sphere.analyse(cleaned.residual.astype(float), 30, n_iter=5))
         block = harmonic.blocks(modes)[26]
         seen_spectra = np.linalg.qr(BEAMS[:, 26, None] * cleaned.separation.mixing)[0]
@@ -163,12 +154,11 @@ class TestBeyond:
 
 class TestOptions:
     @pytest.mark.parametrize("name", sorted(set(OPTIONS) - {"floor", "last_floor"}))
-    def test_each_changes_something(self, problem, rng, name):
+    def test_each_changes_something(self, clean_once, name):
         """Every value of every option; but for the floors, which data of 10 dB do not reach."""
-        seen = noisy(problem[0], 10, rng)
         base = SDecGMCA(**QUICK, regularisation=0.1, last="once", beyond="cut")
         methods = [replace(base, **{name: choice}) for choice in OPTIONS[name].choices]
-        results = [clean(method, seen).foreground for method in methods]
+        results = [clean_once(method).foreground for method in methods]
         for one, two in itertools.combinations(results, 2):
             assert np.abs(one - two).max() > 1e-6 * np.abs(one).max()
 
