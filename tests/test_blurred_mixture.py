@@ -15,16 +15,13 @@ from himap.removal.blurred_mixture import BlurredMixture
 def small(rng):
     modes = rng.standard_normal((5, 16))
     beams = 0.5 + rng.random((5, 4))
-    return BlurredMixture(modes, beams, rng.random(5)), rng.standard_normal((5, 2))
+    return BlurredMixture(modes, beams), rng.standard_normal((5, 2))
 
 
-def test_sources_one_mode_at_a_time(small):
-    channels, mixing = small
-    found = channels.sources(channels.least_squares(mixing))
-    for mode, degree in enumerate(harmonic.degrees(3)):
-        matrix = np.diag(channels.beams[:, degree]) @ mixing
-        expected = np.linalg.lstsq(matrix, channels.modes[:, mode])[0]
-        assert found[:, mode] == pytest.approx(expected)
+def test_safe_inverse(rng):
+    """Also of two columns that are equal."""
+    matrices = np.concatenate([rng.standard_normal((3, 7, 2)), np.ones((1, 7, 2))])
+    assert harmonic.safe_inverse(matrices) == pytest.approx(np.linalg.pinv(matrices), rel=1e-10)
 
 
 def test_correction_leaves_nothing_of_the_kept_sources(small, rng):
@@ -61,13 +58,6 @@ def test_start_is_the_space_of_the_spectra_at_the_worst_beam(rng):
     assert largest_angle(start, mixing) < 1e-10
     blurred = np.linalg.svd(channels.modes)[0][:, :2]
     assert largest_angle(blurred, mixing) > 0.05
-
-
-def test_noise_of_sources(small):
-    channels, mixing = small
-    inverses = harmonic.safe_inverse(channels.matrices(mixing))
-    expected = [np.diag(inverse @ np.diag(channels.noise) @ inverse.T) for inverse in inverses]
-    assert channels.source_noise(inverses) == pytest.approx(np.array(expected))
 
 
 @pytest.mark.parametrize("n_bright", [0, 2])

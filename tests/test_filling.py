@@ -61,8 +61,3 @@ def test_coefficients_are_those_of_dense_least_squares(rng, monkeypatch):
     assert found == pytest.approx(least, abs=1e-3)
     misfit = np.linalg.norm(pixels[kept] - least)
     assert np.linalg.norm(pixels[kept] - found) == pytest.approx(misfit, rel=1e-6, abs=1e-4)
-
-
-def test_all_kept_is_an_analysis(smooth):
-    alm = inpaint_alm(smooth, np.ones(len(smooth), bool), 1e-6)
-    assert sphere.synthesise(alm, NSIDE) == pytest.approx(smooth, abs=1e-5)

@@ -7,14 +7,12 @@ from scipy import ndimage
 from sdecgmca_twin import low_passes
 
 from himap.core.errors import InputError
-from himap.maps import sphere
 from himap.maps.starlets import PlaneStarlets, cosine_needlets, starlet_filters, starlets
 
 NSIDE = 16
 LMAX = 3 * NSIDE - 1
 SHAPE = 19, 26
 KERNEL = np.outer(*[np.array([1, 4, 6, 4, 1]) / 16] * 2)
-PEAKS = [4, 8, 20]
 
 
 def test_filters_are_the_formula():
@@ -65,15 +63,6 @@ def test_scales_are_differences_of_scipy_convolutions(seen, rng):
             assert ours[scale, n] == pytest.approx((finer - smooth)[seen], abs=1e-12)
 
 
-def test_details_adjoint_is_the_transpose(seen, rng):
-    n_pix = np.count_nonzero(seen)
-    transform = PlaneStarlets(seen, 4)
-    matrix = transform.details(np.eye(n_pix))  # (n_scales, column, row)
-    scales = rng.standard_normal((4, 2, n_pix))
-    expected = np.einsum("jcr,jmr->mc", matrix, scales)
-    assert transform.details_adjoint(scales) == pytest.approx(expected, abs=1e-12)
-
-
 @pytest.mark.parametrize(("shape", "most"), [((16, 3), 4), ((17, 3), 5), ((2, 2), 1)])
 def test_scales_that_would_be_empty_are_refused(shape, most, rng):
     image = np.ones(shape, dtype=bool)
@@ -84,17 +73,12 @@ def test_scales_that_would_be_empty_are_refused(shape, most, rng):
 
 
 def test_windows_are_quarters_of_a_cosine():
-    windows = cosine_needlets(PEAKS, 30)
+    """So that what goes twice through all of them is as it was."""
+    windows = cosine_needlets([4, 8, 20], 30)
     assert windows.shape == (3, 31)
     assert windows[1, 6] == pytest.approx(np.cos(np.pi / 4))
     assert windows[1, 11] == pytest.approx(np.cos(0.5 * np.pi * 3 / 12))
     assert windows[:, 8] == pytest.approx([0, 1, 0], abs=1e-15)
     assert windows[0, :5] == pytest.approx(1) and windows[2, 20:] == pytest.approx(1)
-
-
-def test_twice_through_all_windows_is_the_map_itself(rng):
-    alm = sphere.gaussian_alm(np.ones(31), rng)
-    degree = sphere.alm_degree(30)
-    back = sum(alm * window[degree] ** 2 for window in cosine_needlets(PEAKS, 30))
-    assert back == pytest.approx(alm)
+    assert np.sum(windows**2, axis=0) == pytest.approx(1)
     assert cosine_needlets([20], 23) == pytest.approx(np.ones((1, 24)))
