@@ -43,55 +43,46 @@ def case_of(beam, survey=SURVEY):
 @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
 @pytest.mark.parametrize("beam", [Degraded(), Oscillating()], ids=lambda beam: beam.name)
 @pytest.mark.parametrize("remover", METHODS, ids=lambda method: method.name)
-class TestAgainstTheCube:
-    @pytest.fixture
-    def cubes(self, beam, remover):
-        """(what is left, truth), both up to where the method ends."""
-        case = case_of(beam)
-        lmax = cleaned.separation(case, remover).lmax
-        left = cleaned.residual(case, remover)
-        return left if lmax is None else pipeline.cut_cube(left, lmax), pipeline.truth(case, lmax)
+def test_error_and_measures_are_those_of_the_cubes(beam, remover):
+    """Of what is left and the truth, up to where the method ends."""
+    case, width = case_of(beam), SURVEY.channel_width
+    lmax = cleaned.separation(case, remover).lmax
+    left, truth, cut_truth = cleaned.residual(case, remover), pipeline.truth(case), pipeline.truth(case, lmax)
+    left = left if lmax is None else pipeline.cut_cube(left, lmax)
+    cut = getattr(remover, "beyond", "") == "cut"
 
-    def test_the_error_is_their_difference(self, beam, remover, cubes):
-        left, truth = (maps - maps.mean(axis=1, keepdims=True, dtype=float) for maps in cubes)
-        found = cleaned.error(case_of(beam), remover).lines(slice(None))
-        close = 0.02 if getattr(remover, "beyond", "") == "cut" else 0.005
-        rounding = 1e-6 * left.std()  # in float32, of a run that failed; others leave nothing of note
-        assert (found - (left - truth)).std() < close * truth.std() + rounding
+    error = cleaned.error(case, remover).lines(slice(None))
+    rest, true = (maps - maps.mean(axis=1, keepdims=True, dtype=float) for maps in (left, cut_truth))
+    rounding = 1e-6 * rest.std()  # in float32, of a run that failed; others leave nothing of note
+    assert (error - (rest - true)).std() < (0.02 if cut else 0.005) * true.std() + rounding
 
-    def test_all_measures(self, beam, remover, cubes):
-        case, (left, cut_truth) = case_of(beam), cubes
-        truth, found = pipeline.truth(case), cleaned.assessment(case, remover)
-        masked, masked_truth = cleaned.post_masked(case, remover)
-        width = SURVEY.channel_width
-        degrees = found.power_spectra.angular.degrees
-        seen = slice(2, int(min(degrees[-1], 1.5 * SURVEY.nside)))  # beyond, HEALPix has no good quadrature
-        cl = angular_power(left).upto(degrees[-1]).mean
-        assert found.power_spectra.angular.mean[seen] == pytest.approx(cl[seen], rel=0.01)
-        power = frequency_power(left, width).power
-        assert found.power_spectra.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
-        assert found.correlation == pytest.approx(correlation(left, truth), abs=2e-3)
-        errors = line_errors(left, truth)
-        # What is left up to some l comes out of an analysis, whose quadrature changes HI too, near the poles.
-        cut = getattr(remover, "beyond", "") == "cut"
-        close = 0.02 * truth.var() if cut else 0.01 * errors.mean()
-        off = np.abs(found.line_errors - errors) > 0.05 * errors + close
-        assert off.mean() < (0.01 if cut else 1e-9)
-        mask = ~diagnostics.flagged_lines(found.line_errors)
-        assert 0 < np.count_nonzero(~mask) < len(mask) / 2
-        for angular, maps in ((masked.angular, left), (masked_truth.angular, truth)):
-            expected = angular_power(maps, mask=mask)
-            inside = (angular.degrees > 2) & (angular.degrees < seen.stop)
-            at = np.searchsorted(expected.degrees, angular.degrees[inside])
-            assert angular.mean[inside] == pytest.approx(expected.mean[at], rel=0.03)
-        power = frequency_power(left, width, mask=mask).power
+    found = cleaned.assessment(case, remover)
+    degrees = found.power_spectra.angular.degrees
+    seen = slice(2, int(min(degrees[-1], 1.5 * SURVEY.nside)))  # beyond, HEALPix has no good quadrature
+    cl = angular_power(left).upto(degrees[-1]).mean
+    assert found.power_spectra.angular.mean[seen] == pytest.approx(cl[seen], rel=0.01)
+    power = frequency_power(left, width).power
+    assert found.power_spectra.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
+    assert found.correlation == pytest.approx(correlation(left, truth), abs=2e-3)
+    errors = line_errors(left, truth)
+    # What is left up to some l comes out of an analysis, whose quadrature changes HI too, near the poles.
+    close = 0.02 * truth.var() if cut else 0.01 * errors.mean()
+    off = np.abs(found.line_errors - errors) > 0.05 * errors + close
+    assert off.mean() < (0.01 if cut else 1e-9)
+    assert (found.cut_truth is None) == (lmax is None)
+    if found.cut_truth is not None:
+        power = frequency_power(cut_truth, width).power
+        assert found.cut_truth.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
+
+    mask = ~diagnostics.flagged_lines(found.line_errors)
+    assert 0 < np.count_nonzero(~mask) < len(mask) / 2
+    for masked, maps in zip(cleaned.post_masked(case, remover), (left, truth), strict=True):
+        expected, degrees = angular_power(maps, mask=mask), masked.angular.degrees
+        inside = (degrees > 2) & (degrees < seen.stop)
+        at = np.searchsorted(expected.degrees, degrees[inside])
+        assert masked.angular.mean[inside] == pytest.approx(expected.mean[at], rel=0.03)
+        power = frequency_power(maps, width, mask=mask).power
         assert masked.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
-        power = frequency_power(truth, width, mask=mask).power
-        assert masked_truth.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
-        assert (found.cut_truth is None) == (cleaned.separation(case, remover).lmax is None)
-        if found.cut_truth is not None:
-            power = frequency_power(cut_truth, width).power
-            assert found.cut_truth.frequency.power[1:] == pytest.approx(power[1:], rel=5e-3)
 
 
 def test_a_taper_is_that_of_every_spectrum_along_the_line_of_sight():
