@@ -58,6 +58,11 @@ def test_foreground_is_that_of_pca_bit_for_bit(sky):
     assert found.mixing @ found.sources == pytest.approx(centred, abs=3e-7 * float(np.abs(sky).max()))
 
 
+def test_recovers_independent_sources_where_pca_does_not(sky, sources):
+    assert similarity(sources, clean(sky).separation.sources).min() > 0.999
+    assert similarity(sources, PCA(n_sources=3).clean(sky, freqs=FREQS).separation.sources).min() < 0.99
+
+
 def test_order_scale_and_sign_are_definite(sky):
     found = clean(sky).separation
     assert np.linalg.norm(found.mixing, axis=0) == pytest.approx(1)
