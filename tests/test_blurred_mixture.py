@@ -60,6 +60,13 @@ def test_start_is_the_space_of_the_spectra_at_the_worst_beam(rng):
     assert largest_angle(blurred, mixing) > 0.05
 
 
+def test_the_lowest_resolution_is_that_of_the_widest_beam_at_every_l(small):
+    channels, _ = small
+    beams = channels.beams[:, harmonic.degrees(3)]
+    seen = channels.modes * beams.min(axis=0) / beams
+    assert channels.at_one_resolution() == pytest.approx(seen @ seen.T)
+
+
 @pytest.mark.parametrize("n_bright", [0, 2])
 @pytest.mark.parametrize("copied", [False, True])
 def test_modes_of_a_cube_do_as_an_array_does(small, rng, copied, n_bright):
