@@ -1,5 +1,6 @@
 """Methods side by side: curves of a made-up sky, the table of a small one, and its figures."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -71,6 +72,13 @@ class TestCurves:
         mocks = TransferFunction(mocks=(made_up(share),))  # what is common is the root of it
         ratios = [row["ratio"] for row in curves(made_up(share**0.5), mocks)]
         assert ratios == pytest.approx(np.ones(len(ratios)), rel=1e-6)
+
+    def test_over_a_transfer_function_below_zero(self):
+        """As a run of a chaotic method that fails with the mocks can have it."""
+        own = made_up(np.ones((1, 251)))
+        against = replace(own, cross=replace(own.cross, power=-own.cross.power))
+        ratios = [row["ratio"] for row in curves(own, TransferFunction(mocks=(against,)))]
+        assert ratios == pytest.approx(-np.ones(len(ratios)))
 
 
 class TestSkies:
