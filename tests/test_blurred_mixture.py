@@ -18,6 +18,15 @@ def small(rng):
     return BlurredMixture(modes, beams), rng.standard_normal((5, 2))
 
 
+def test_sources_one_mode_at_a_time(small):
+    channels, mixing = small
+    found = channels.sources(channels.least_squares(mixing))
+    for mode, degree in enumerate(harmonic.degrees(3)):
+        matrix = np.diag(channels.beams[:, degree]) @ mixing
+        expected = np.linalg.lstsq(matrix, channels.modes[:, mode])[0]
+        assert found[:, mode] == pytest.approx(expected)
+
+
 def test_safe_inverse(rng):
     """Also of two columns that are equal."""
     matrices = np.concatenate([rng.standard_normal((3, 7, 2)), np.ones((1, 7, 2))])

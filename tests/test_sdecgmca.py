@@ -40,6 +40,13 @@ def clean_once():
 
 
 class TestSeparation:
+    def test_least_squares_both_ways(self, problem):
+        maps, mixing, sources = problem
+        data = mixture_of(maps, floor=0)
+        found = data.sources(data.inverses(mixing, 0))
+        assert found == pytest.approx(sources, abs=2e-4 * np.abs(sources).max())
+        assert data.fit(sources, np.ones(LMAX + 1)) == pytest.approx(mixing, abs=1e-4)
+
     @pytest.mark.parametrize("reading", READINGS)
     def test_removes_a_noise_free_sky(self, problem, reading):
         maps = problem[0]
