@@ -162,13 +162,13 @@ records = stored(results, "quick")
 # %% [markdown]
 # A narrow band means little scatter between skies. Skies on which SDecGMCA fails widen its band upwards.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "C/C0 of each method: median over skies (lines) and their 16 to 84 % (bands); synthetic Galaxy (top) and real Galaxy (bottom). SDecGMCA: one run on each sky."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-angular", "caption": "C/C0 of each method: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom). SDecGMCA: one run on each sky."}}
 figure_of(records, "angular")
 
 # %% [markdown]
 # Below 1 at the lowest wavenumbers is signal loss; a peak near $k_\nu = 0.31$ is the ripple of the beam.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "P/P0 of each method: median over skies (lines) and their 16 to 84 % (bands); synthetic Galaxy (top) and real Galaxy (bottom). SDecGMCA: one run on each sky."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "P/P0 of each method: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom). SDecGMCA: one run on each sky."}}
 figure_of(records, "frequency")
 
 # %% [markdown]
@@ -176,13 +176,13 @@ figure_of(records, "frequency")
 # ({doc}`20_transfer_function`). The next two figures have the same spectra divided by the transfer function
 # from {glue:text}`side_mocks` mocks: the loss is corrected, the foreground residual (above 1) is not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "C/C0 divided by the transfer function: median over skies (lines) and their 16 to 84 % (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "C/C0 divided by the transfer function: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "angular", corrected=True)
 
 # %% [markdown]
 # The loss at the lowest wavenumbers is corrected, the peak near $k_\nu = 0.31$ is not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "P/P0 divided by the transfer function: median over skies (lines) and their 16 to 84 % (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "P/P0 divided by the transfer function: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "frequency", corrected=True)
 
 # %% [markdown]
@@ -227,13 +227,13 @@ deviations(stored(iterated, "iterated"))
 finer = stored(larger, "laptop")
 quote(side_larger_skies=min(len(one.seeds) for one in finer))
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "C/C0 of each method at laptop through the oscillating beam: median over skies (lines) and their 16 to 84 % (bands); synthetic Galaxy (left) and real Galaxy (right). SDecGMCA: one run on each sky."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-angular", "caption": "C/C0 of each method at laptop through the oscillating beam: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real Galaxy (right). SDecGMCA: one run on each sky."}}
 figure_of(finer, "angular")
 
 # %% [markdown]
 # PCA with six components has a peak at the ripple of the beam that it does not have at `quick`.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "P/P0 of each method at laptop through the oscillating beam: median over skies (lines) and their 16 to 84 % (bands); synthetic Galaxy (left) and real Galaxy (right). SDecGMCA: one run on each sky."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "P/P0 of each method at laptop through the oscillating beam: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real Galaxy (right). SDecGMCA: one run on each sky."}}
 figure_of(finer, "frequency")
 
 # %% [markdown]
