@@ -319,7 +319,7 @@ quote(
 # | data | method | deviation | corrected by mocks |
 # |---|---|---|---|
 # | maps of one resolution in all channels | PCA, the simplest; without correction beam-aware methods gain nothing | {glue:text}`side_same` | {glue:text}`side_same_corrected` |
-# | beam known with its side lobes, to about {glue:text}`side_width` of its width, and any ripple too ({doc}`21_beam_errors`) | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
+# | beam known to about {glue:text}`side_width` of its width, with side lobes and ripple | BeamSubspace | {glue:text}`side_known` | {glue:text}`side_known_corrected` |
 # | unknown beam that changes smoothly | PCA | {glue:text}`side_unknown_smooth` | {glue:text}`side_unknown_smooth_corrected` |
 # | unknown beam that oscillates with frequency | PCA, with enough components | {glue:text}`side_unknown` | {glue:text}`side_unknown_corrected` |
 # | known beam, number of sources uncertain | SmoothSpectra ({doc}`23_thresholds`) | {glue:text}`side_harmless` | {glue:text}`side_harmless_corrected` |

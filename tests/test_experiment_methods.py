@@ -214,7 +214,7 @@ class TestFigure:
         rows += table_of(ANGULAR, **high, corrected=True).to_dict("records")
         header, (row,) = methods_table([EXPERIMENT.frame(rows)])
         through = ("degraded", "oscillating")
-        more = "fails on, of 2 skies"
+        more = "fails, of 2"
         assert header == ["method", *through, *(f"{beam}, corrected" for beam in through), more]
         percents = [text and f"{text}\N{NO-BREAK SPACE}%" for text in ("+15", "+200", "", "+200")]
         assert row == ("PCA 3/5", *(text or "–" for text in percents), "2 / 1")

@@ -182,4 +182,4 @@ def methods_table(tables):
         rows.append((styles.numbered(method, text), *cells, fails))
     n_skies = sum(table["seed"].nunique() for table in tables)
     corrected = [f"{beam}, corrected" for beam in beams]
-    return ["method", *beams, *corrected, f"fails on, of {n_skies} skies"], rows
+    return ["method", *beams, *corrected, f"fails, of {n_skies}"], rows

@@ -153,9 +153,9 @@ def distances(tables):
 
 
 def failures(tables):
-    """On how many skies each method fails, with a mean |C/C0 - 1| at 10 < l < 200 of more than `FAILING`.
+    """On how many skies each method fails: |C/C0 - 1| at 10 < l < 200 is more than `FAILING` in the mean.
 
-    Of all skies of some tables of the experiment, uncorrected.
+    Of all skies of some tables of the experiment, uncorrected; from the mean C/C0 in each bin.
 
     Returns
     -------
