@@ -10,7 +10,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.figures import plotting, styles
 from himap.paper.experiments.beam_errors import KINDS, worst_excess
-from himap.paper.experiments.methods import METHOD, distances, failures, middles
+from himap.paper.experiments.methods import METHOD, distances, middles
 
 _THIN = {"linewidth": 0.8}
 _PANELS = {"C/C0": "angular", "P/P0": "frequency"}
@@ -163,11 +163,8 @@ def signed(value):
 
 
 def methods_table(tables):
-    """(header, rows) of texts: the `distances` of each method through each beam, as it is and corrected.
-
-    The last column is on how many skies it fails, through one beam after the other.
-    """
-    labels, by_key, failed = labels_of(tables[0]), distances(tables), failures(tables)
+    """(header, rows) of texts: the `distances` of each method through each beam, as it is and corrected."""
+    labels, by_key = labels_of(tables[0]), distances(tables)
     beams = list(dict.fromkeys(beam for beam, *_ in labels))
     rows = []
     for method, text in dict.fromkeys(labels.values()):
@@ -178,8 +175,5 @@ def methods_table(tables):
             for corrected in (False, True)
             for beam, n in pairs
         ]
-        fails = " / ".join(str(failed.get((beam, method, n), "–")) for beam, n in pairs)
-        rows.append((styles.numbered(method, text), *cells, fails))
-    n_skies = sum(table["seed"].nunique() for table in tables)
-    corrected = [f"{beam}, corrected" for beam in beams]
-    return ["method", *beams, *corrected, f"fails, of {n_skies}"], rows
+        rows.append((styles.numbered(method, text), *cells))
+    return ["method", *beams, *(f"{beam}, corrected" for beam in beams)], rows
