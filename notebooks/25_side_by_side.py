@@ -206,9 +206,8 @@ deviations(records)
 def failing(records):
     """On how many skies each method fails through each beam."""
     counts = failures(tables_of(records))
-    beams, methods = (
-        dict.fromkeys(several) for several in zip(*((key[0], key[1:]) for key in counts), strict=True)
-    )
+    beams, names = (list(dict.fromkeys(key[n] for key in counts)) for n in (0, 1))
+    methods = sorted({key[1:] for key in counts}, key=lambda one: (names.index(one[0]), one[1]))
     rows = [
         (styles.numbered(name, str(n or "")), *(counts.get((beam, name, n), "–") for beam in beams))
         for name, n in methods
