@@ -291,12 +291,10 @@ def with_width_wrong(n_sources, error=0.01):
     return percent(max(one["beam_subspace", n_sources, "width", error] for one in excess))
 
 
-failed, failed_finer = failures(tables_of(records)), failures(tables_of(finer))
-
-
-def n_failed(beam):
+def n_failed(records, beam="oscillating"):
     """On how many skies SDecGMCA fails through a beam."""
-    return sum(n for (through, method, _), n in failed.items() if (through, method) == (beam, "sdecgmca"))
+    counts = failures(tables_of(records)).items()
+    return sum(n for (through, method, _), n in counts if (through, method) == (beam, "sdecgmca"))
 
 
 many = max(n_sources for method, n_sources, *_ in excess[0] if method == "beam_subspace")
@@ -317,10 +315,10 @@ quote(
     side_harmless=at("oscillating", "smooth_spectra", 4),
     side_harmless_corrected=at("oscillating", "smooth_spectra", 4, True),
     side_gnilc=at("oscillating", "gnilc", 0),
-    side_failed_evolving=n_failed("evolving"),
-    side_failed=n_failed("oscillating"),
+    side_failed_evolving=n_failed(records, "evolving"),
+    side_failed=n_failed(records),
     side_total=sum(len(one.seeds) for one in records),
-    side_larger_failed=failed_finer.get(("oscillating", "sdecgmca", 5), 0),
+    side_larger_failed=n_failed(finer),
     side_larger_total=sum(len(one.seeds) for one in finer),
     side_larger_unknown=signed(found_finer.get(("oscillating", "pca", 6, True), np.nan)),
     side_width=percent(min(one["beam_subspace", 3, "width"] for one in limits)),

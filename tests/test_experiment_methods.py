@@ -170,7 +170,9 @@ class TestSummary:
         assert distances([good, two_skies(ratio=0.6)]) == {key: pytest.approx(-0.4)}
 
     def test_failures_are_counted_over_all_tables(self):
-        tables = [two_skies(ratio=1.09), two_skies(ratio=1.11), two_skies(ratio=2.0, corrected=True)]
+        """Skies of one seed in two tables are two skies; what is corrected is not counted."""
+        corrected = table_of(ANGULAR, ratio=2.0, corrected=True)
+        tables = [two_skies(ratio=1.08), two_skies(ratio=1.11), corrected]
         assert failures(tables) == {("degraded", "pca", 3): 2}
 
     def test_a_failure_on_one_sky_does_not_decide(self):
@@ -194,15 +196,18 @@ class TestFigure:
         assert labels_of(pd.concat(tables, ignore_index=True)) == expected
 
     def test_median_and_range(self):
-        figure = methods_figure({"one": two_skies(), "another": table_of(ANGULAR)}, "angular")
+        """A sky on which a method fails moves the line to the next sky, not away."""
+        failed = table_of(ANGULAR, seed=3, ratio=1e3)
+        skies = {"one": pd.concat([two_skies(), failed]), "another": table_of(ANGULAR)}
+        figure = methods_figure(skies, "angular")
         first, second = figure.axes
         assert (first.get_title(), second.get_title()) == ("one", "another")
         *_, line = first.get_lines()
         assert line.get_xdata() == pytest.approx([3, 7, 12, 17])
-        assert line.get_ydata() == pytest.approx([0.6, 1.0, 1.1, 1.2])
+        assert line.get_ydata() == pytest.approx([0.7, 1.0, 1.1, 1.3])
         (shade,) = first.collections
         heights = shade.get_paths()[0].vertices[:, 1]
-        assert heights.min() == pytest.approx(0.5 + 0.16 * 0.2) and first.get_yscale() == "function"
+        assert heights.min() == pytest.approx(0.5 + 0.32 * 0.2) and first.get_yscale() == "function"
 
     def test_no_such_curves(self):
         with pytest.raises(InputError, match="nothing was corrected"):

@@ -42,7 +42,7 @@ def with_curves(figure, curves):
 
 
 def panel_names(panels):
-    """What the panels of a figure are called in its file, so that each can be told from the others.
+    """What the panels of a figure are called in its file, so that each differs from the others.
 
     That is the title; where it is empty or that of another panel too, with the labels of the axes and at last
     with a number. `panels` are dicts, as of `himap.figures.plotting.lines`, whose values have a text.

@@ -12,7 +12,7 @@ _B_SPLINE = np.array([1, 4, 6, 4, 1]) / 16  # the cubic B-spline at whole steps
 def starlet_filters(n_scales, lmax):
     """Filters of the isotropic undecimated wavelets on the sphere, (n_scales + 1, lmax + 1).
 
-    `n_scales` detail scales, fine to coarse, then the smooth rest. With low passes
+    `n_scales` detail scales, fine to coarse, then the smooth rest. With low-pass filters
     phi_j(l) = (3/2) b(2^(j + 1) l / lmax), b the cubic B-spline, and phi_0 = 1, detail scale j is
     phi_(j - 1) - phi_j (Starck et al. 2006, Sect. 3), so that all add up to 1 at every l.
     """

@@ -76,7 +76,7 @@ OPTIONS = {
         against=(False,),
     ),
     "wavelets": Option(
-        question="low passes of the starlets",
+        question="low-pass filters of the starlets",
         choices={
             "cascade": "those of the starlet transform, one after the other",
             "ratio": "the ratio of two that follow each other, each on the map itself",
