@@ -11,7 +11,7 @@ import pytest
 from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 from astropy.wcs import WCS
-from cube_files import write_hdf5
+from cube_files import run, write_hdf5
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from image_files import SKY, STOKES, header_of
@@ -247,6 +247,17 @@ def test_any_image(projection, order, place, spelled, sign, dtype, unit, spectra
         fits.PrimaryHDU(array, header_of(axes, **more)).writeto(path)
 
     check_file(write, ending, (frame, unit, spectral), maps)
+
+
+def test_how_many_sources_are_left_in_what_was_cleaned(tmp_path):
+    """By the command on what it wrote, in every format that says all of itself."""
+    write_images(tmp_path / "a.fits")
+    write_turned(tmp_path / "b.h5")
+    for name, ending in (("a.fits", "fits"), ("a.fits", "h5"), ("b.h5", "fits"), ("b.h5", "h5")):
+        target = tmp_path / f"c_{name}.{ending}"
+        save_cleaned(clean_cube(read_cube(tmp_path / name), "pca", n_sources=1), target)
+        done = run("suggest", target, "--to", 3)
+        assert "eigenvalues exceed HI and noise" in done.output
 
 
 def test_as_many_channels_as_a_sphere_has_pixels(tmp_path, rng):

@@ -322,6 +322,11 @@ class TestMeasured:
         one = correct(cleaned, transfer, spectra_of(cleaned))["angular"]
         assert one.x[np.isnan(one.corrected)] == [12]
 
+    def test_a_method_without_a_number_of_sources(self, cube, rng):
+        cleaned = clean_cube(cube, "polynomial", order=3, peaks=False)
+        both, _ = corrected_by(cleaned, [blue(rng), blue(rng)])
+        assert np.isfinite(both["angular"].corrected).all()
+
     def test_errors_are_those_of_the_transfer_function_and_bands_have_correlations(self, cleaned, rng):
         """So is the sample variance."""
         both, transfer = corrected_by(cleaned, (blue(rng) for _ in range(3)))

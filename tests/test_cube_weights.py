@@ -8,10 +8,10 @@ from cube_files import FREQS, N_PIX, run, write_hdf5
 from image_files import N_CHANNELS, N_X, N_Y, SKY, power_law_images, write_image
 
 from himap.core.errors import InputError
-from himap.cubes import clean_cube, read_cube, save_cleaned
+from himap.cubes import clean_cube, correct, measure_transfer, read_cube, save_cleaned
 from himap.cubes.cleaning import with_enough_channels
 from himap.cubes.files import read_truth
-from himap.cubes.spectra import compared
+from himap.cubes.spectra import compared, spectra_of
 from himap.measures.spectra import frequency_power
 from himap.removal.pca import PCA
 from himap.removal.polynomial import Polynomial
@@ -170,8 +170,8 @@ class TestCleaning:
         true = np.delete(maps, 7, axis=0)[:, cube.mask]
         assert (cleaned.foreground - true)[cube.missing].std() < 2  # its noise is 1 mK
 
-    def test_a_truth_is_zero_where_the_cube_is_missing(self, maps, hits, flags, rng):
-        """Its means have no power in the gaps."""
+    def test_a_truth_and_mocks(self, maps, hits, flags, rng):
+        """The truth is 0 where the cube is missing, and so is a mock; its means have no power in the gaps."""
         true = 5 + rng.standard_normal(SHAPE).astype(np.float32)
         write_hdf5("truth.h5", true)
         write_hdf5("both.h5", maps + true)
@@ -183,6 +183,11 @@ class TestCleaning:
         zeroed = np.where(cube.missing, 0, seen - np.average(seen, axis=1, weights=cube.weights)[:, None])
         mean = frequency_power(zeroed, cube.channel_width).power[1:].mean()
         assert found.true_frequency.mean() == pytest.approx(mean, rel=1e-5)
+        mocks = [rng.standard_normal(cube.maps.shape).astype(np.float32) for _ in range(2)]
+        measured = measure_transfer(cleaned, mocks)
+        assert 0.7 < measured.frequency[1:].mean() < 1
+        corrected = correct(cleaned, measured, spectra_of(cleaned))
+        assert np.isfinite(corrected["frequency"].corrected).all()
 
 
 @pytest.mark.usefixtures("no_pages")
