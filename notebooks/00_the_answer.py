@@ -29,11 +29,11 @@
 # **SDecGMCA, the method of {cite:t}`carloni2021` that {cite:t}`gkogkou2025` apply, is chaotic where the beam
 # changes with frequency, in all interpretations (*readings*) of the text tested here**: a relative change of
 # its start by $10^{-10}$ changes the column space of the mixing matrix (sine of the largest angle, in the median
-# above $0.1$), in the public code as here, and these runs do not reach the paper's stopping rule
+# above $0.1$), in the public code as in himap, and these runs do not reach the paper's stopping rule
 # ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at $10 < \ell < 200$ exceeds 10 %, and may
 # then be off by orders of magnitude: through the oscillating beam
 # {glue:text}`15_claims.ipynb::claims_failing:s` runs fail (skies times restarts, the *members* of an ensemble).
-# Others differ by some per cent in that range and by more elsewhere. **What holds all the same**: fits along
+# Runs that do not fail deviate from the truth by some per cent in that range and by more elsewhere. **What holds all the same**: fits along
 # each line of sight fail where the beam oscillates with frequency, and with the paper's numbers of components
 # SDecGMCA is, where a run does not fail, the most accurate of the paper's six methods through the oscillating
 # beam, and its largest error over the three beams is the smallest of the six; through the degraded beam all
@@ -45,7 +45,8 @@
 # more HI at low $\ell$ ([a table by what you have](what-to-use)).
 #
 # This page quotes an ensemble of runs, on the real Galaxy, at half the paper's resolution (`laptop`) and in
-# the default reading, which follows the paper's text up to $\ell = 200$ ({doc}`16_readings`). Of the
+# the default reading, which follows the paper's text up to $\ell = 200$, with the exceptions that every
+# reading has ({doc}`16_readings`). Of the
 # {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA
 # {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part,
@@ -199,8 +200,8 @@ Markdown(picture(large, "fig-results-frequency", folder))
 # ## 1. The degraded beam
 #
 # In the tables $C/C_0$ and $P/P_0$ are recovered over true angular and frequency power; SD is SDecGMCA, PAR
-# and POL are the parametric and the polynomial fit. Below the number of a claim are its main parts that hold
-# in less than 84 % of the skies and restarts, with that share.
+# and POL are the parametric and the polynomial fit. After a measured value, *holds in* lists the main parts of
+# the claim that hold in less than 84 % of the skies and restarts, with that share.
 
 # %% tags=["remove-input"]
 claims_of(1)
@@ -209,7 +210,8 @@ claims_of(1)
 # **The methods recover both spectra.** The largest deviations are those of the polynomial fit: foreground
 # residual in the Galactic plane, an excess at the lowest $\ell$ and at $0.03 < k_\nu < 0.06$ MHz$^{-1}$
 # ({doc}`07_polynomial`).
-# At $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper.
+# At $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper, which calls the loss small;
+# the polynomial loses most.
 #
 # ## 2. The evolving beam
 
@@ -222,11 +224,11 @@ claims_of(2)
 # multipoles: in the median member the worst of these three methods has 95 % of its multipoles within
 # {glue:text}`answer_evolving` of the truth at `laptop`, within {glue:text}`answer_evolving_pictures` at the
 # paper's size with the box of the figures and within {glue:text}`answer_evolving_large` with the paper's
-# box (one run, in an earlier reading of SDecGMCA). HI is brighter in finer cells, pixels
+# box (one run, in an [earlier default](readings-default) of SDecGMCA). HI is brighter in finer cells, pixels
 # and channels: the decimal logarithm of the rms of the foregrounds over that of HI
 # is {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. At
-# `quick` a fifth component removes these modes ({doc}`22_how_many`). GMCA has a larger excess than PCA, at lower
-# multipoles than in the paper.
+# `quick` a fifth component removes these modes ({doc}`22_how_many`). GMCA has a larger excess than PCA at the
+# smallest multipoles, as in the paper, but not at its intermediate ones.
 #
 # ## 3. The oscillating beam
 
@@ -279,8 +281,8 @@ Markdown(picture(large, "fig-dimmed-spectra", folder))
 # %% [markdown]
 # **Masks improve PCA, FastICA and GMCA.** Of the members of SDecGMCA post-masking improves
 # {glue:text}`answer_masked`, dimming {glue:text}`answer_dimmed`. Masks remove
-# foreground residuals in the Galactic plane, where a run has them. Where SDecGMCA is near the truth on the
-# full sky, neither masking nor dimming improves it; dimming, which changes the maps, also acts as a restart
+# foreground residuals in the Galactic plane, where a run has them; dimming, which changes the maps, also acts
+# as a restart
 # ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`).
 #
 # ## Further reading

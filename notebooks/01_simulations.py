@@ -237,7 +237,8 @@ quote(
 
 # %% [markdown]
 # With cells as small as the paper's the two codes flag nearly the same share of voxels (brightest voxel and
-# spectra were not compared there), while the cell and the smoothing change everything shown. Each row is a pair of runs,
+# spectra were not compared there). The cell changes this share little, and the brightest voxel and both powers
+# by factors; the smoothing changes everything shown. Each row is a pair of runs,
 # whose band and beam are not stored; the row of `r_smooth` starts from another run, so that cell and smoothing
 # cannot be ranked. Claims B1 to B3 and D3 may depend on both: {doc}`18_paper_size` judges them with either.
 # At the smaller presets the cell smooths more than 2 Mpc/h does.
@@ -496,7 +497,8 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # The contrast between the Galaxy and HI is largest at low $\ell$. The paper's “over four” orders of magnitude
 # and “up to five”, even at high latitudes, are of temperatures and twice as many in $C_\ell$
-# ({doc}`15_claims` has the measured ratio).
+# ({doc}`15_claims` has the measured ratio, and {doc}`18_paper_size` that of the paper's box, in which HI is
+# brighter).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of all components in the channel in the middle of the band, before beam and noise."}}
 middle_maps = {
@@ -556,9 +558,9 @@ quote(
 #   {glue:text}`simulations_foreground` in the median pixel and at most {glue:text}`simulations_brightest`.
 #   Removing it to one part in $10^5$ is not enough where it is brightest.
 # - HI has a lognormal density, linear velocities, and no structure below the cell of the box, here
-#   {glue:text}`simulations_cell`. Even the boxes with smaller cells in the table above have too little power
-#   in $P(k_\nu)$ and in $C_\ell$ at all scales, most above 1300 MHz; methods are compared with the truth of
-#   the same box.
+#   {glue:text}`simulations_cell`. Boxes with larger cells than the paper's have less power than its box in
+#   $P(k_\nu)$ and in $C_\ell$ at all scales, in $C_\ell$ most above 1300 MHz; methods are compared with the
+#   truth of the same box.
 #
 # ## Exercise
 #

@@ -179,7 +179,7 @@ stamped(plotting.lines(panels), ripple=ripple)
 # $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$. The paper also calls $\sigma_N$ a variance:
 # `noise_reading=variance` ([conventions](../book/conventions.md)).
 #
-# System temperature falls with frequency; noise rises, since the beam area falls faster.
+# System temperature falls with frequency; noise rises, since the width of the beam falls faster.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-noise", "caption": "System temperature (left) and noise per pixel and channel (right). Dashed: noise in the paper's channels of 1 MHz."}}
 fine_survey = Survey.preset(preset, **{**survey, "n_channels": round(sky.freq_max - sky.freq_min)})
@@ -214,7 +214,7 @@ stamped(plotting.lines(panels))
 # oscillating beam adds a ripple with the period of 20 MHz, an rms difference of adjacent channels of
 # {glue:text}`beams_jump` (HI plus noise on this line: {glue:text}`beams_signal`), and a slower wave of
 # {glue:text}`beams_wave`. These are parts per million of the foreground, whose mean is
-# {glue:text}`beams_foreground`. A method that removes smooth spectra must separate the two curves.
+# {glue:text}`beams_foreground`. A method that removes smooth spectra leaves such ripples in the maps.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. The scales differ."}}
 observations = {

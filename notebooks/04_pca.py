@@ -24,7 +24,7 @@
 # Foregrounds dominate the variance of the data and have few spectra, while HI changes from channel to
 # channel. Principal component analysis (PCA) estimates these spectra from the covariance of the channels and
 # removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 4.2) remove 3, 4 and 5
-# components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam in
+# components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam (the degraded unless another is given) in
 # detail and then for all three.
 
 # %% tags=["parameters"]
@@ -109,7 +109,7 @@ remover = removers[selected][0]
 # {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues exceed the largest of HI
 # plus noise; where the paper removes fewer, a foreground residual is expected.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The 15 largest eigenvalues of the channel covariance for the three beams (and the beam in detail), and of HI plus noise in the latter."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The 15 largest eigenvalues of the channel covariance for the three beams, and of HI plus noise through the one that this chapter shows in detail, by default the degraded."}}
 rank = np.arange(1, min(15, study.survey.n_channels) + 1)
 
 

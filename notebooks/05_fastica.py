@@ -130,7 +130,7 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # ## The removed components
 #
 # The spectra need not be orthogonal. Unlike those of {numref}`fig-pca-mixing` and {numref}`fig-pca-sources`
-# all three look like emission at the defaults, positive and falling with frequency, with mean spectral indices
+# all three look like emission at the defaults (the degraded beam), positive and falling with frequency, with mean spectral indices
 # {glue:text}`fastica_index_first`, {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA, of unit length, ordered by the variance of their sources."}}

@@ -287,10 +287,10 @@ quote(
 # %% [markdown]
 # ## Dependence on the parameters
 #
-# Penalty and number of scales, which the data do not determine, change the mean $C/C_0$ at $\ell < 10$ by
-# {glue:text}`gmca_choices_spread` of the truth.
+# Through this beam (by default the evolving), the other penalty and one scale fewer, which the data do not
+# determine, change the mean $C/C_0$ at $\ell < 10$ by {glue:text}`gmca_choices_spread` of the truth.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-choices", "caption": "C/C0 for other parameters of GMCA, and for PCA, in the beam shown in detail."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-choices", "caption": "C/C0 for other parameters of GMCA, and for PCA, through one beam, by default the evolving."}}
 other_penalty, fewer_scales = "l0" if penalty == "l1" else "l1", max(1, n_scales - 1)
 changes = {
     f"{penalty}, {n_scales} scales, {n_sigma:g} $\\sigma$": {},

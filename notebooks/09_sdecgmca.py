@@ -34,7 +34,8 @@
 #
 # Starts that differ by $10^{-10}$ give different results unless the beam is degraded ({doc}`27_restarts`), so
 # figures show an ensemble of restarts (median, 16 to 84 % band, restarts as thin lines), maps the
-# {term}`medoid`.
+# {term}`medoid`, the restart whose residual is nearest to those of the others. Where three beams are not shown,
+# the beam is the oscillating one by default.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -168,7 +169,9 @@ show(rows)
 #
 # The text can be implemented in several ways, and the public code of C21 deviates from it. A set of choices
 # is a *reading*; {doc}`../book/conventions` defines them and {doc}`16_readings` compares them. The default,
-# [selected by a rule](readings-default), follows the text up to the last multipole. Captions state the
+# [selected by a rule](readings-default), follows the text up to the last multipole, but for what all readings
+# share: strategy 3 is Eq. 26 of C21, which the paper cites and describes differently, the share $K$ is of the
+# coefficients above the noise, and iterations end by their number too. Captions state the
 # reading, here {glue:text}`sdecgmca_reading`.
 
 # %% tags=["hide-input"]

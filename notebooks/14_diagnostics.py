@@ -76,8 +76,6 @@ quote(diagnostics_reading=captions.in_short(removers[selected][3], study.survey.
 
 # %%
 study.prepare(removers)
-component = [remover for remover in removers[selected] if hasattr(remover, "n_sources")]
-study.prepare({selected: component}, error_parts)
 
 # %% tags=["hide-input"]
 labels = {remover.name: styles.method_style(remover)["label"] for remover in removers[selected]}
@@ -89,6 +87,7 @@ looks = {
     remover.name: ensemble_style(styles.method_style(remover), study.ensemble(selected, remover))
     for remover in removers[selected]
 }
+component = [remover for remover in removers[selected] if hasattr(remover, "n_sources")]
 freqs = study.survey.freqs
 
 # %% [markdown]
@@ -192,6 +191,7 @@ def share_taken(remover):
     return np.average(np.sum(spaces**2, axis=2).T, axis=1, weights=weights)
 
 
+study.prepare({selected: component}, error_parts)
 taken, signal_lost, foreground = {}, {}, {}
 for remover in component:
     members, name = study.members(remover), remover.name

@@ -31,7 +31,7 @@ from himap.paper.claims.base import (
 from himap.paper.methods import BSS
 
 
-@claim("D1", "degraded", "4.2", "1", "|C/C0 - 1| of the worst method, at 95 % of the l", "< 0.1")
+@claim("D1", "degraded", "4.2", "1", "|C/C0 - 1| of the worst method, at 95 % of 3 < l < 200", "< 0.1")
 def degraded_angular(sky):
     """All six methods recover C to within 10 % for 3 < l < 200.
 
@@ -43,7 +43,7 @@ def degraded_angular(sky):
     return finding(max(errors.values()), parts_of(errors, recovered, "within 10 %"), wording)
 
 
-@claim("D2", "degraded", "4.2", "2", "|P/P0 - 1| of the worst method, at 95 % of the k", "< 0.1")
+@claim("D2", "degraded", "4.2", "2", "|P/P0 - 1| of the worst method, at 95 % of k > 0.03", "< 0.1")
 def degraded_frequency(sky):
     """All six methods recover P to within 10 % for k > 0.03.
 
