@@ -123,8 +123,9 @@ except InputError as error:
 # minimum of an information criterion, and the number after which one more source changes the spectra
 # little. `himap suggest` recommends the number on which the first two agree. If they do not, it recommends, for
 # a beam-aware method, that of the second if the spectra are stable after it, and otherwise the range between
-# the two; none if no number is stable or the second still falls at the last one. {doc}`22_how_many` measures
-# how often each is right.
+# the two; none if no number is stable or the second still falls at the last one. On a part of the sky the
+# eigenvalues of a beam-aware method include what the beam adds, and the second decides alone.
+# {doc}`22_how_many` measures how often each is right, on full skies.
 
 # %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, linear below 2 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
@@ -246,7 +247,8 @@ show_table(rows)
 #
 # A pixel that is missing in one channel is excluded in all. With `--weights` (hits or inverse variances) or
 # `--flags` (1 where a voxel is bad) it is not; on the command line, PCA and the fits also use pixels that
-# lack some channels if these are more than 1 % of all (in Python `read_cube(..., scattered=True)`):
+# lack some channels if these pixels are more than 1 % of those observed (in Python `read_cube(...,
+# scattered=True)`):
 # {doc}`26_a_survey`. {doc}`../book/simulators` covers cubes of other codes.
 #
 # ## What follows

@@ -197,8 +197,8 @@ panels = [plotting.comparison_panel(kind, curves, title=title) for kind, title i
 study.stamped(plotting.spectrum(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
-# The table has the power in bands over the truth, uncorrected and corrected. The pull is
-# (corrected $-$ truth) over the error bar; *foreground* is the foreground residual that was subtracted, $b/T$.
+# The table has the power in bands over the truth, uncorrected and corrected; *foreground* is the foreground
+# residual that was subtracted, $b/T$. How often the truth lies within error bars is measured on many skies below.
 
 # %% tags=["hide-input"]
 rows = {}
@@ -208,7 +208,6 @@ for row in measured.itertuples():
         "uncorrected": (row.uncorrected, 0.02 * max(1, abs(row.uncorrected))),
         "corrected": (row.corrected, close),
         "error bar": (row.error_bar, max(0.2 * row.error_bar, 1e-3)),
-        "pull": ((row.corrected - 1) / row.error_bar, max(0.5, close / row.error_bar)),
         "foreground": (row.foreground, close),
     }
 show_table(rows, columns=4)
@@ -488,8 +487,10 @@ show_table(rows, columns=4)
 #
 # ```sh
 # himap transfer cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 --mocks 10 --mock-noise 0.04 -o transfer.html
-# himap transfer cube.h5 --method pca --beam oscillating -p n_sources=5 --mocks mock1.h5 --mocks mock2.h5 --truth hi.h5 -o transfer.html
+# himap transfer cube.h5 --method pca --beam oscillating -p n_sources=6 --mocks mock1.h5 --mocks mock2.h5 --truth hi.h5 -o transfer.html
 # ```
+#
+# Of mocks of your own give ten or so, each with `--mocks`: error bars from fewer are poor.
 #
 # ## Exercises
 #

@@ -264,11 +264,11 @@ quote(
 #   with three sources the foreground residual grows by 1 % of the power of HI and noise for an error of the
 #   width of {glue:text}`beams_width` or a ripple of {glue:text}`beams_ripple` of the FWHM (for the Galaxy
 #   where that is less).
-# - **From five sources on most tolerated errors grow**, with the real Galaxy not that of a ripple that the
-#   beam does not have nor, with five, that of the period. The price is the signal loss of each source, which
-#   mocks can correct. A fourth source lowers the residual at large errors and hardly changes the tolerated
-#   error, at which the residual first exceeds the limit. With five sources the residual has its maximum at
-#   similar errors, in some cases just below the limit.
+# - **From five sources on most tolerated errors grow**, but that of a ripple that the beam does not have does
+#   not, nor, with five and the real Galaxy, that of the period. The price is the signal loss of each source,
+#   which mocks can correct. A fourth source lowers the residual at large errors; the tolerated error, at which
+#   the residual first exceeds the limit, becomes smaller in most cases. With five sources the residual has its
+#   maximum at similar errors, in some cases just below the limit.
 # - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a
 #   foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and
 #   {glue:text}`beams_lobes_right_real` (real), over the power of HI and noise; with Gaussians of the right

@@ -34,11 +34,12 @@
 # | BIC | the minimum of $\langle \ln \sigma_\nu^2 \rangle_\nu + n_\mathrm{par} \ln N / (N N_\nu)$, with $\sigma_\nu^2$ the variance of the residual in a channel, $n_\mathrm{par}$ the number of entries of $A$ and $S$, and $N$ pixels; {cite:t}`schwarz1978` |
 # | AIC | the same with 2 in place of $\ln N$; {cite:t}`akaike1974` |
 # | eigenvalues | the number of eigenvalues of the channel covariance that exceed the line of HI and noise by a factor of 3; for a beam-aware method, of maps at one resolution |
-# | stability | the first number after which one more source changes no spectrum by 10 % or more |
+# | stability | the first number after which one more source changes neither spectrum by 10 % or more in the mean over its scales |
 # | mocks | the same with 3 %, for spectra corrected for signal loss ({doc}`20_transfer_function`), which only foreground changes |
 # | evidence | the maximum Bayesian evidence of probabilistic PCA ({cite:t}`minka2000`), from scikit-learn |
 #
-# `himap suggest` shows BIC, eigenvalues and stability.
+# `himap suggest` shows BIC, eigenvalues and stability. All counts are of full skies; parts of the sky were not
+# tested.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper

@@ -31,7 +31,7 @@
 # where $\mathcal P$ is what the method, with the spectra that it estimated, removes from any maps, and
 # $\mathcal P\, t$ is without the peaks that are masked before a separation ({doc}`03_peak_masking`). It
 # compares the paper's SDecGMCA; BeamSubspace, which estimates the mixing matrix without thresholded sources;
-# and **SmoothSpectra**, which has no thresholds.
+# and **SmoothSpectra**, which has no thresholds in wavelets and none to choose.
 #
 # Signal is lost in two ways:
 #
@@ -43,7 +43,7 @@
 # which cannot adapt to HI. It reduces the first: at each $\ell$ it removes only what exceeds HI and noise by
 # more than expected of random matrices of that size ({cite:t}`donoho2018`), with a Wiener filter whose
 # covariance of HI and noise is estimated from the residual. An excess source then removes nothing, and the
-# signal loss is *known* from that covariance.
+# signal loss follows from that covariance, without mocks.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper

@@ -251,7 +251,8 @@ quote(
 #   afterwards and with a dimmed plane it is equally accurate. SDecGMCA was not tested. With
 #   three sources masking within the separation adds foreground residual from the edge, at small $k_\nu$ and
 #   at the ripple; with five it lowers the error beyond the margin.
-# - **A mask helps PCA**, for which the plane needs components that the rest of the sky does not.
+# - **A mask within the separation helps PCA**, with the five components tried: the plane needs some that the
+#   rest of the sky does not. A mask after it does not help.
 # - **The edge costs a margin**: within about two beam widths of it the error of BeamSubspace rises steeply.
 #   With three sources it exceeds that without a mask at all distances shown.
 # - **All methods can clean a part of the sky.** In the tenth of the sky PCA has less foreground residual from

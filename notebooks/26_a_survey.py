@@ -427,8 +427,12 @@ quote(
 #   weights of pixels, since each line of sight is fitted separately. The residual of the
 #   {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at $k_\nu < 0.3$ MHz$^{-1}$ through this beam.
 #
+# Mocks of your own, HI and noise by hits as here, correct the loss; give ten or so, each with `--mocks`. On a
+# part of the sky or with gaps they do not measure the foreground residual, and the coverage of the error bars
+# is not known: it was measured for full skies ({doc}`20_transfer_function`).
+#
 # ```sh
-# himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --beam meerkat --mocks 10 --mock-noise 0.15 -o transfer.html
+# himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --keep-peaks --mocks mock1.h5 --mocks mock2.h5 -o transfer.html
 # ```
 #
 # ## Exercise
