@@ -317,8 +317,8 @@ quote(
 # In the table, *scatter* is the standard deviation of the corrected ratio over skies, *error bar* the mean of
 # the expected ones, and *foreground* the mean of the foreground residual that was subtracted. *Within 1σ*
 # counts the skies on which the truth is within the error bar, with the binomial 95 % interval of that share;
-# *χ²* is the mean squared pull, expected to be {glue:text}`transfer_expected_pull` with error bars from
-# {glue:text}`transfer_mocks` mocks. Bands of
+# *χ²* is the mean squared pull, (corrected $-$ truth) over the error bar, expected to be
+# {glue:text}`transfer_expected_pull` with error bars from {glue:text}`transfer_mocks` mocks. Bands of
 # one sky are not independent, so that intervals of several bands together are somewhat too narrow. All of
 # this is the coverage if HI and beam are those of the mocks; there is one real Galaxy. In the figures, bars
 # are standard errors of the means.

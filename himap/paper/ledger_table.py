@@ -20,8 +20,8 @@ BADGES = {
 """{verdict: (sign, colour)}; dark enough for white letters, and distinct without colours by the sign."""
 
 CONCLUSIONS = {
-    "D1 D2": "With all channels at one resolution every method recovers both spectra to better than 10 % over "
-    "a broad range of scales.",
+    "D1 D2": "With all channels at one resolution every method recovers both spectra to better than 10 % "
+    "over a broad range of scales.",
     "E1 E2 E3 E4": "With a beam that evolves smoothly with frequency the parametric fit fails, GMCA degrades "
     "from intermediate scales on, and PCA, FastICA and SDecGMCA remain accurate.",
     "O1 O3 O4 O6 S1": "Both fits fail; of the other methods SDecGMCA is the most accurate: it suppresses the "
