@@ -50,9 +50,9 @@ import numpy as np
 from himap.figures import plotting, styles
 from himap.figures.numbers import of_restarts, one_run, quote, show_table
 from himap.instrument.beams import named
+from himap.maps.low_rank import centred
 from himap.measures.diagnostics import error_variance
-from himap.paper import captions
-from himap.paper.leakage import error_parts
+from himap.paper import captions, pipeline
 from himap.paper.methods import methods_for, paper_beams
 from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import ensemble_style
@@ -104,8 +104,8 @@ freqs = study.survey.freqs
 #
 # It is not sensitive to a constant factor in a channel. With a foreground residual of variance $f$ and a lost
 # share $q$ of the signal variance (in units of that variance, the loss being a projection),
-# $r = \sqrt{(1 - q)^2 / (1 - q + f)}$, about $1 - (q + f) / 2$, but for the chance correlation of foreground
-# and signal. Multipoles beyond the last one of the inversion of SDecGMCA are included.
+# $r = \sqrt{(1 - q)^2 / (1 - q + f)}$, about $1 - (q + f) / 2$. Multipoles beyond the last one of the
+# inversion of SDecGMCA are included.
 #
 # For PCA, FastICA and GMCA $r$ oscillates with the period of the ripple at the low end of the band, where the
 # ripple is foreground residual. Restarts of SDecGMCA that do not fail have no such oscillation, and a higher
@@ -161,11 +161,10 @@ quote(
 #
 # ### Signal loss and foreground residual by channel
 #
-# A component method removes a projection $\mathbf{P}$ of the maps, so that with the true foreground $F$ its
-# error is $\delta T - \delta T^0 = (F - \mathbf{P} F) - \mathbf{P}\, \delta T^0$. In units of the variance of
-# the truth the foreground residual is $f_\nu = \langle (F - \mathbf{P} F)^2 \rangle / \langle (\delta T^0)^2
-# \rangle$, and the lost share of the signal is $q_\nu = \langle (\mathbf{P}\, \delta T^0)^2 \rangle / \langle
-# (\delta T^0)^2 \rangle$. Of a reading of SDecGMCA that ends at some multipole both are up to there.
+# The foreground residual is not correlated with HI. With the slope of the regression of the recovered on the
+# true map, $b_\nu = \sum_p \delta T\, \delta T^0 / \sum_p (\delta T^0)^2$, the lost share of the signal is
+# $q_\nu = 1 - b_\nu$, and if the loss is a projection, the foreground residual in units of the variance of
+# the truth is $f_\nu = \langle \delta T^2 \rangle / \langle (\delta T^0)^2 \rangle - b_\nu$.
 #
 # A signal without correlation between channels loses $h_\nu = P_{\nu\nu}$, with $\mathbf{P}$ the projector on
 # the removed spectra; $\sum_\nu h_\nu = n_s$. (For SDecGMCA the spectra are those smoothed by the beam, and
@@ -175,7 +174,14 @@ quote(
 # %% tags=["hide-input"]
 observation, true = study.observed(selected), study.truth(selected).angular
 relative = observation.beams / observation.beams.max(axis=0)
-true_variance = observation.truth.var(axis=1, dtype=float)
+
+
+def lost_and_left(remover):
+    """q_nu and f_nu, (n_channels,), of the truth at every multipole."""
+    maps, truth = centred(study.residual(selected, remover)), centred(pipeline.truth(study.case(selected)))
+    products = [np.sum(maps * other, axis=1, dtype=float) for other in (truth, maps)]
+    slope, variance = products / np.sum(truth**2, axis=1, dtype=float)
+    return 1 - slope, variance - slope
 
 
 def share_taken(remover):
@@ -191,16 +197,12 @@ def share_taken(remover):
     return np.average(np.sum(spaces**2, axis=2).T, axis=1, weights=weights)
 
 
-study.prepare({selected: component}, error_parts)
 taken, signal_lost, foreground = {}, {}, {}
 for remover in component:
     members, name = study.members(remover), remover.name
     taken[name] = np.squeeze([share_taken(member) for member in members])
-    parts = [error_parts(study.case(selected), member) for member in members]
-    signal_lost[name], foreground[name] = (
-        np.squeeze([one[part]["all"] for one in parts]) / true_variance
-        for part in ("signal loss", "foreground residual")
-    )
+    both = np.array([lost_and_left(member) for member in members])
+    signal_lost[name], foreground[name] = np.squeeze(both[:, 0]), np.squeeze(both[:, 1])
 
 # %% [markdown]
 # In the right panel PCA, FastICA and GMCA have most foreground residual at the low end of the band. That of
@@ -444,7 +446,7 @@ quote(
 # - **Variance** (A2): SDecGMCA is lowest at {glue:text}`diagnostics_smallest` of the multipoles.
 # - With the real Galaxy at `laptop` A1 holds in {glue:text}`15_claims.ipynb::claims_a1_share:s` of the members
 #   (skies and restarts) and A2 in {glue:text}`15_claims.ipynb::claims_a2_share:s`.
-# - Knowing the true foreground separates foreground residual from signal loss, which neither diagnostic does.
+# - Regression on the truth separates foreground residual from signal loss, which neither diagnostic does.
 #
 # ## Exercises
 #
