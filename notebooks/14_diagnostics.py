@@ -264,7 +264,7 @@ for remover in component:
             "lowest r": (r.min(), 0.02),
             "at [MHz]": (freqs[r.argmin()], study.survey.channel_width),
             "mean q": (q.mean(), 0.003),
-            "corr(q, h)": (np.corrcoef(q, h)[0, 1], 0.05),
+            "r of q, h": (np.corrcoef(q, h)[0, 1], 0.05),
             "mean f": (f.mean(), max(0.05 * f.mean(), 0.002)),
         }
         for r, q, h, f in zip(*quantities, strict=True)
@@ -294,7 +294,7 @@ quote(
     diagnostics_q_least=(100 * n_sources / len(freqs), 0.1, "%"),
     diagnostics_q_sd_most=of_restarts([(100 * q.max(), 5, "%") for q in of_sd]),
     diagnostics_q_sd_at=places(of_sd.argmax(axis=1)),
-    diagnostics_q_and_h=rows["SDecGMCA"]["corr(q, h)"],
+    diagnostics_q_and_h=rows["SDecGMCA"]["r of q, h"],
 )
 
 # %% [markdown]
