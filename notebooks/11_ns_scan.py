@@ -323,7 +323,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # %% [markdown]
 # ## The spectra
 #
-# Ratios above 1 are foreground residual, ratios below 1 signal loss. With 3 sources there is foreground residual on
+# At ratios above 1 foreground residual exceeds signal loss, below 1 the loss exceeds it. With 3 sources there is foreground residual on
 # most scales, with more sources mainly in restarts that fail; the others lose HI at low $k_\nu$ and low
 # $\ell$. In the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
 
@@ -511,7 +511,7 @@ show(unconverged)
 #   {glue:text}`scan_beside_over_best` times as large. With 5 sources
 #   the total MSE is {glue:text}`scan_error_five` for SDecGMCA and {glue:text}`scan_error_five_beside` for PCA.
 # - Few restarts are a small sample: in {doc}`10_results`, which has more of them with 5 sources on this sky,
-#   {glue:text}`10_results.ipynb::results_oscillating_failed:s` fail, and their total MSE is
+#   {glue:text}`10_results.ipynb::results_oscillating_failed:s` fail; the total MSE of all is
 #   {glue:text}`13_dimmed_galaxy.ipynb::dimmed_error_sd:s`. Where the minimum is depends on which restarts fail,
 #   and on the sky: {doc}`15_claims` has N1 and N4 on several skies with the real Galaxy.
 # - For PCA without foreground residual each source costs about a share $1/N_\nu$ of the power, more at low

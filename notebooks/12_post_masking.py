@@ -457,8 +457,8 @@ quote(
 # | GMCA | {glue:text}`post_flagged_gmca` | {glue:text}`post_peak_gmca` | {glue:text}`post_low_gmca` | {glue:text}`post_angular_gmca` | {glue:text}`post_angular_gmca_after` |
 #
 # In the paper only SDecGMCA improves notably along the line of sight, and all component methods improve
-# across the sky, most SDecGMCA. The mean errors of the two fits, which the largest $\ell$ dominate, decrease
-# by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most`; at the
+# across the sky, most SDecGMCA. Peak and mean errors of the two fits (that of $C/C_0$ dominated by the largest
+# $\ell$) decrease by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most`; at the
 # lowest $\ell$ the power of the polynomial without the flagged lines is larger by a factor of
 # {glue:text}`post_polynomial_lowest`.
 #

@@ -145,7 +145,7 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # With the dimmed Galaxy PCA, FastICA, GMCA and restarts of SDecGMCA that do not fail are within the grey band
 # at most $\ell$; GMCA has an excess at the lowest. PCA, FastICA and GMCA have a peak near
 # $k_\nu = 0.31$ MHz$^{-1}$, and so can SDecGMCA.
-# Both fits exceed the truth by orders of magnitude.
+# Both fits exceed the truth by orders of magnitude on most scales.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 ensembles = {
@@ -332,8 +332,8 @@ quote(
 # ## Strength and width
 #
 # The paper has a single strength and width. For PCA, the left panel varies the weight in the plane and the
-# right panel the edge. Peak and excess at low $k_\nu$ shrink with a smaller weight and a wider edge; a part
-# of the peak remains.
+# right panel the edge. The peak shrinks with a smaller weight and a wider edge, the excess at low $k_\nu$ up to
+# some edge; a part of the peak remains.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
@@ -397,7 +397,7 @@ quote(
 # %% [markdown]
 # With an edge at 30° the peak of PCA is {glue:text}`dimmed_peak_widest` times the truth, and
 # {glue:text}`dimmed_peak_faintest` times with the smallest weight. What remains is due to the foreground
-# outside the plane.
+# that the weight leaves, within the edges and beyond.
 
 # %% [markdown]
 # ## Conclusions

@@ -441,9 +441,11 @@ else:
 #   through $K$ and through thresholds from the MAD.
 # - Without the eigenvalue floor of $10^{-9}$ in the last step few runs of `code` fail. The default and
 #   the letter do not have this floor either, but their $\mathbf{A}$ differs from that of `code`. Through the
-#   oscillating beam the intervals of the failure rates overlap, so that these restarts do not rank the readings.
-# - Without the truth, most failures show as a residual that follows the foreground, or is far from that of the
-#   medoid if that has not failed. The stopping rules flag all runs.
+#   oscillating beam most intervals of the failure rates overlap: but for readings whose intervals do not, these
+#   restarts do not rank them.
+# - Without the truth, most failures at `ci`, of three readings together, show as a residual that follows the
+#   foreground, or is far from that of the medoid if that has not failed; larger maps were not tested. The
+#   stopping rules flag all runs.
 #
 # ## Exercise
 #

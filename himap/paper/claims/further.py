@@ -189,9 +189,10 @@ def absorbed_sources(sky):
     "V4", "all three", "2.2", "", "noise over HI in C or P at 95 % of the l or k, largest of the beams", "< 1"
 )
 def subdominant_noise(sky):
-    """The noise is subdominant, by a long observing time.
+    """The long observing time makes the noise subdominant.
 
-    The power spectra of noise and HI, as they enter the truth: HI through the beam; the noise of the pixels,
+    The paper chose that time "to minimize noise impact", read here as noise below HI on all scales. The power
+    spectra of noise and HI, as they enter the truth: HI through the beam; the noise of the pixels,
     which only the degraded beam smooths. The noise is subdominant if its power is below that of HI, by more
     than 1 %, at 95 % or more of 2 <= l <= 200, in the mean over channels, and of all k. Six main parts: each
     spectrum with each beam. The noise of a pixel does not depend on its size, so that C_l of the noise are

@@ -45,7 +45,7 @@ def _with_and_without(sky, beam, measure, methods):
 
 @claim("O8", "oscillating", "4.2", "1", "share of masked voxels that are ripple", "notable")
 def excess_of_masking(sky):
-    """The excess at l < 10 is due to the peak masking, which misidentifies ripples as peaks.
+    """The excess at l < 10 may be due to the peak masking, which can take ripples for peaks.
 
     Without peak masking the mean C/C0 - 1 at l < 10 falls by more than half, for each method that has the
     excess of O2; for a method without it the premise is absent. The deviation of a masked voxel from the
