@@ -37,8 +37,9 @@
 # - **follow-up**: `code` with the changes to the inversion in the later code of the paper's first author (which has a network instead of thresholds).
 # - **instrument-noise**: the letter with the noise of the instrument in its thresholds, instead of the median absolute deviation of each scale.
 #
-# A difference between single runs can be that between restarts ({doc}`27_restarts`). Runs of each reading in
-# this record: {glue:text}`readings_runs`, over {glue:text}`readings_skies`. A run fails if its mean
+# Each reading has {glue:text}`readings_runs` runs in this record, on {glue:text}`readings_skies`, and verdicts
+# are by shares of these, as in the ledger. With so few, a difference between readings can be one between
+# restarts ({doc}`27_restarts`). A run fails if its mean
 # $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$ (or up
 # to the end of the maps).
 
@@ -100,12 +101,12 @@ Markdown(f"*{made.footer()}*")
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
 # - **{glue:text}`readings_void_n` do not apply to these maps or this scan under any**: {glue:text}`readings_void`.
-# - **{glue:text}`readings_some_n` differ between these single runs**: {glue:text}`readings_some`. The table
+# - **{glue:text}`readings_some_n` differ between readings**: {glue:text}`readings_some`. The table
 #   has the choices that change them, or restarts that do: {ref}`another run <other-choices>` of one reading
 #   changes several verdicts too. Claims that one choice alone changes: {glue:text}`readings_one`.
 #
 # {glue:text}`readings_deciders_n` single changes of the default change a verdict:
-# {glue:text}`readings_deciders`. With one run of each, another restart may be the cause. Changes without
+# {glue:text}`readings_deciders`. With few runs of each, other restarts may be the cause. Changes without
 # effect: {glue:text}`readings_idle`. For {glue:text}`readings_unmoved_n` claims every reading
 # gives the same number, or none: {glue:text}`readings_unmoved`. Undecided under the default:
 # {glue:text}`readings_split`.
@@ -187,7 +188,7 @@ Table(["claim", "statement", *READINGS, "choices whose run has another verdict t
 # ## All claims under all readings
 #
 # A row of one shade is a claim that no reading changes. A column that differs from the first is a choice that
-# may matter: with one run of each, another start may differ as much.
+# may matter: with few runs of each, other restarts may differ as much.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "Verdict on each claim (rows) under each reading (columns: default, other named readings, the default with a single choice changed), grouped by robustness. Darker is nearer to reproduced; signs as in the ledger."}}
 plotting.stamp(claims_figure(outcomes), made)
@@ -200,9 +201,6 @@ plotting.stamp(claims_figure(outcomes), made)
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows): mean C/C0 in bands of l, mean P/P0 in three bands of k (1/MHz), and the highest P/P0 near k = 0.31 / MHz. Points: runs; colours: skies; line: truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are at the edge."}}
 plotting.stamp(bands_figure(outcomes), made)
-
-# %% [markdown]
-# A line is a run; of several there would be the median and the 16 to 84 % band.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the named readings, for each sky: median, 16 to 84 % band, and restarts (thin). Runs that fail badly leave the panel."}}
 plotting.stamp(curves_figure(outcomes), made)
@@ -429,7 +427,7 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 # ## Conclusions
 #
 # - Claims about other methods do not depend on the reading; for those about SDecGMCA, the first table has
-#   the candidates for the choices that decide, with one run of each.
+#   the candidates for the choices that decide, with few runs of each.
 # - The options that change a verdict (names as in the code) are, where the paper's text is about them:
 #   {glue:text}`readings_stated`; where it says nothing or leaves them open: {glue:text}`readings_open`.
 #
