@@ -88,7 +88,7 @@ Markdown(f"*{made.footer()}*")
 # It was measured by
 #
 # ```sh
-# himap measure readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=1 -p n_restarts=1 -p n_sources_min=4 -p n_sources_max=6 --jobs 2
+# himap measure readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=2 -p n_restarts=4 -p n_sources_min=4 -p n_sources_max=6 --jobs 2
 # ```
 
 # %% [markdown]
