@@ -37,8 +37,8 @@
 # - **follow-up**: `code` with the changes to the inversion in the later code of the paper's first author (which has a network instead of thresholds).
 # - **instrument-noise**: the letter with the noise of the instrument in its thresholds, instead of the median absolute deviation of each scale.
 #
-# Each reading has {glue:text}`readings_runs` runs in this record, on {glue:text}`readings_skies`, and verdicts
-# are by shares of these, as in the ledger. With so few, a difference between readings can be one between
+# Each reading has {glue:text}`readings_runs` runs in this record, on {glue:text}`readings_skies`; verdicts
+# are by shares of these. With so few, a difference between readings can be one between
 # restarts ({doc}`27_restarts`). A run fails if its mean
 # $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$ (or up
 # to the end of the maps).
@@ -88,7 +88,7 @@ Markdown(f"*{made.footer()}*")
 # It was measured by
 #
 # ```sh
-# himap measure readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=2 -p n_restarts=4 -p n_sources_min=4 -p n_sources_max=6 --jobs 2
+# himap measure readings --preset ci -p galaxy=templates -p template_dir=FOLDER -p n_realisations=2 -p n_restarts=1 -p n_sources_min=4 -p n_sources_max=6 --jobs 2
 # ```
 
 # %% [markdown]
