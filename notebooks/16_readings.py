@@ -197,7 +197,8 @@ plotting.stamp(claims_figure(outcomes), made)
 # (readings-bands)=
 # ## Spectra under each reading
 #
-# Each point is a run ({ref}`restarts-failures` has the scatter over starts).
+# Each point is a run; in the last figure, where a sky has one start, each line too ({ref}`restarts-failures`
+# has the scatter over starts).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows): mean C/C0 in bands of l, mean P/P0 in three bands of k (1/MHz), and the highest P/P0 near k = 0.31 / MHz. Points: runs; colours: skies; line: truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are at the edge."}}
 plotting.stamp(bands_figure(outcomes), made)
