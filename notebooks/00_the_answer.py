@@ -45,8 +45,8 @@
 # more HI at low $\ell$ ([a table by what you have](what-to-use)).
 #
 # This page quotes an ensemble of runs, on the real Galaxy, at half the paper's resolution (`laptop`) and in
-# the default reading, which follows the paper's text up to $\ell = 200$, with the exceptions that every
-# reading has ({doc}`16_readings`). Of the
+# the default reading, which follows the paper's text up to $\ell = 200$ but for [what all readings
+# share](sdecgmca-reading) ({doc}`16_readings`). Of the
 # {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA
 # {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part,

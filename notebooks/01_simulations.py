@@ -238,7 +238,7 @@ quote(
 # %% [markdown]
 # With cells as small as the paper's the two codes flag nearly the same share of voxels (brightest voxel and
 # spectra were not compared there). The cell changes this share little, and the brightest voxel and both powers
-# by factors; the smoothing changes everything shown. Each row is a pair of runs,
+# far more; the smoothing changes everything shown. Each row is a pair of runs,
 # whose band and beam are not stored; the row of `r_smooth` starts from another run, so that cell and smoothing
 # cannot be ranked. Claims B1 to B3 and D3 may depend on both: {doc}`18_paper_size` judges them with either.
 # At the smaller presets the cell smooths more than 2 Mpc/h does.

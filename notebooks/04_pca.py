@@ -24,7 +24,7 @@
 # Foregrounds dominate the variance of the data and have few spectra, while HI changes from channel to
 # channel. Principal component analysis (PCA) estimates these spectra from the covariance of the channels and
 # removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 4.2) remove 3, 4 and 5
-# components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam (the degraded unless another is given) in
+# components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam (by default the degraded) in
 # detail and then for all three.
 
 # %% tags=["parameters"]

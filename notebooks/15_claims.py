@@ -161,7 +161,7 @@ quote(
 # %% [markdown]
 # For each verdict that is not *reproduced* the last column has the stored records (another size, Galaxy or
 # reading of SDecGMCA) in which all main parts hold that fail here; others may fail there, so that such a
-# record need not reproduce the claim as a whole. If only parts about other
+# record need not reproduce every part of the claim. If only parts about other
 # methods fail, these methods come first, and other readings are not listed; if a part about SDecGMCA fails,
 # records with a single run of it are not. SD is SDecGMCA, POL and PAR are the two fits.
 

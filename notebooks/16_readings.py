@@ -237,7 +237,7 @@ plotting.stamp(curves_figure(outcomes), made)
 # difference; of these {glue:text}`readings_tie` has the fewest departures from the text (of several with as
 # few, the highest mean). What a tie is was defined after most of these numbers were known. So the rule
 # selects this one, and the default is {glue:text}`readings_default`. Where the confirmation has
-# another first than the selection, all skies decide, and no independent ones are left to test that choice.
+# another first than the selection, all skies decide, and no independent ones remain to test that choice.
 # That the paper mentions a spurious peak beyond $\ell = 200$ (Sect. 4.2) is not counted as a statement on how
 # to continue there.
 #

@@ -333,7 +333,8 @@ quote(
 # ## What should I use?
 #
 # From the table at `quick`; through the oscillating beam unless stated. PCA and BeamSubspace have the number of
-# sources of `himap suggest`; SmoothSpectra has one more, and GNILC determines its own. *Deviation* is that of the power from the truth in the worst of the five bands; *corrected
+# sources of `himap suggest`; SmoothSpectra has one more than BeamSubspace, and GNILC determines its own.
+# *Deviation* is that of the power from the truth in the worst of the five bands; *corrected
 # by mocks* is after division by the transfer function of mocks that are added to the data. `himap clean
 # --mocks` and `himap transfer` put mocks in the place of HI and noise instead; for a full sky without gaps
 # whose beam is known they subtract the foreground residual that they detect, too

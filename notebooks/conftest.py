@@ -4,7 +4,7 @@ nbval compares every text exactly. Here a number shown as ``value ± tolerance``
 tolerance, one marked as of one run of a chaotic method (``value†``) is compared in form only, the commit
 and the time in the line under a figure may differ, and a cell that was never executed fails. The numbers
 that a figure carries must be there and are not compared, as pictures are not. All the rest is exact, as in
-nbval. A number for the prose carries its tolerance or its mark beside its text, and is compared likewise.
+nbval. A number for the prose carries its tolerance or its mark next to its text, and is compared likewise.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""Files and command lines that are wrong in one way each, in one table, and good files beside them."""
+"""Files and command lines that are wrong in one way each, in one table, and good files to go with them."""
 
 import gzip
 import os

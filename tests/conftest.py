@@ -76,7 +76,7 @@ def run_python(*arguments, **variables):
 
 @contextmanager
 def little_room(n_bytes):
-    """A limit on the size of files stands for the end of the disk."""
+    """A limit on the size of files, in place of a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, before[1]))
     try:

@@ -301,7 +301,7 @@ def test_places_of_minima_are_parts():
 
 
 def test_what_ends_at_200_is_judged_as_far_as_it_goes():
-    """A method that recovers no more than l = 200, beside others that do."""
+    """A method that recovers no more than l = 200, among others that do."""
 
     class Ending(World):
         def of(self, case):

@@ -38,7 +38,7 @@ if n_sources > 10:
 
 @pytest.fixture
 def himap_command(himap_command, tmp_path, monkeypatch):
-    """The same, with two notebooks beside the empty folder."""
+    """The same, with two notebooks next to the empty folder."""
     (tmp_path / "notebooks").mkdir()
     for name in ("01_toy", "02_other"):
         (tmp_path / "notebooks" / f"{name}.py").write_text(TOY)

@@ -200,7 +200,7 @@ class TestCheckAndGrow:
         assert out == f"a.json: 1 rows of one sky {THE_SAME}; 1 {NOT_COMPARED}.\n"
 
     def test_what_a_chaotic_run_made_of_claims_is_not_compared(self, himap_command, monkeypatch):
-        """But what other methods made of them, and what stands in the place of that method."""
+        """But what other methods made of them, and what replaces that method."""
         content, tables = json.loads((RESULTS / "claims_laptop_run.json").read_text()), []
         rows = Record.load(find_experiment("claims"), RESULTS / "claims_laptop_run.json").rows
         rows = rows[rows["seed"] == content["about"]["seed"]]

@@ -110,7 +110,7 @@ def test_a_record_is_the_same_as_without(cluster, monkeypatch, himap_command, tm
 
 
 def test_what_answers_is_a_scheduler_or_refused(address, monkeypatch):
-    """What another service says may be taken for the length of an array."""
+    """What another service says may be read as the length of an array."""
     check_scheduler()
 
     def client(address, timeout):

@@ -1,4 +1,4 @@
-"""What files say in the ways of other programs is honoured, and what was taken from them is said."""
+"""What files say in the ways of other programs is honoured, and what was read from them is said."""
 
 import os
 from pathlib import Path

@@ -261,7 +261,7 @@ def test_how_many_sources_are_left_in_what_was_cleaned(tmp_path):
 
 
 def test_as_many_channels_as_a_sphere_has_pixels(tmp_path, rng):
-    """12 of them: the mixing matrix could be maps too, and is not taken for these."""
+    """12 of them: the mixing matrix could be maps too, and is not read as these."""
     path = write_hdf5(tmp_path / "a.h5", 1e3 + rng.standard_normal((12, N_PIX)), 950 + np.arange(12.0))
     cleaned = clean_cube(read_cube(path), "pca", n_sources=1)
     save_cleaned(cleaned, tmp_path / "c.h5")

@@ -77,7 +77,7 @@ def test_observation(cubes, beam):
 
 
 def test_a_sky_that_float32_would_round_hi_from(cubes, rng):
-    """As at 240 MHz: the true foreground taken out of the maps leaves the truth."""
+    """As at 240 MHz: the maps less the true foreground are the truth."""
     _, maps, _ = cubes
     bright = HarmonicModes(
         spectra=np.linspace(40, 4, 4)[:, None], alms=sphere.analyse(maps[:1].astype(float))

@@ -12,7 +12,7 @@ from conftest import ROOT
 COPIED = ["Makefile", "requirements.txt", "requirements.lock", "pyproject.toml", "_config.yml", "_toc.yml"]
 COPIED += ["CHANGELOG.md", "CITATION.cff"]
 FAKE_PYTHON = """#!/bin/sh
-# Stands for python, himap and jupyter-book: notes what it was asked, makes what make looks for.
+# In place of python, himap and jupyter-book: notes what it was asked, makes what make looks for.
 [ "$1" = -c ] && exit 0
 echo "$(basename "$0") $*" >> log
 if [ "$2" = venv ]; then

@@ -98,7 +98,7 @@ PASSING = {"within", "table_within", "quoted_within", "quoted_count", "footer", 
 @pytest.fixture(scope="module")
 def verdicts(request, tmp_path_factory):
     """{name of a cell: what nbval says of it, empty if it passes}."""
-    if not request.config.pluginmanager.has_plugin(str(CONFTEST)):  # no notebooks are tested beside this
+    if not request.config.pluginmanager.has_plugin(str(CONFTEST)):  # no notebooks are tested along with this
         spec = importlib.util.spec_from_file_location("conftest_of_notebooks", CONFTEST)
         spec.loader.exec_module(importlib.util.module_from_spec(spec))
     path = tmp_path_factory.mktemp("nbval") / "cells.ipynb"

@@ -210,7 +210,7 @@ class TestTable:
         assert head.count('<th scope="col"') == 3 and "<td" not in head
         assert page.count('<th scope="row"') == 2 and page.count("<td") == 4
         assert re.findall("text-align:(\\w+)", head) == ["left", "right", "left"]
-        assert page.count("nowrap") == 2  # the numbers, that is, what stands at the right
+        assert page.count("nowrap") == 2  # the numbers, that is, what is at the right
         assert "thead" not in Table([], self.ROWS).html()
 
     def test_a_bar_does_not_end_a_cell_of_markdown(self):

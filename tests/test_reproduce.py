@@ -70,7 +70,7 @@ print(made.nside, scale, os.path.basename(os.getcwd()))
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder of one notebook, beside a working folder."""
+    """A folder of one notebook, next to a working folder."""
     (tmp_path / "notebooks").mkdir()
     (tmp_path / "notebooks" / "01_toy.py").write_text(TOY)
     (tmp_path / "work").mkdir()

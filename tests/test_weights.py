@@ -105,7 +105,7 @@ class TestVoxelWeights:
 
     @pytest.mark.parametrize("seed", range(3))
     def test_a_sky_whose_spectra_are_nearly_one(self, seed):
-        """Three power laws: where all are looked for at once, gaps of the first are taken for the last."""
+        """Three power laws: where all are looked for at once, the last would have gaps of the first."""
         rng, freqs = np.random.default_rng(seed), np.linspace(900, 1400, 30)
         sky = (freqs / 1000)[:, None] ** np.array([-2.1, -2.8, -3.3]) @ np.exp(rng.standard_normal((3, 400)))
         seen = rng.random(sky.shape) > 0.2

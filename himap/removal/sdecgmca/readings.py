@@ -180,7 +180,7 @@ READINGS = {
 
 
 def resolved(reading, given):
-    """`given` {field: value or None} with what is None taken from `reading`.
+    """`given` {field: value or None} with those of `reading` for None.
 
     Raises
     ------
