@@ -50,8 +50,8 @@
 # {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA
 # {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part,
-# {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs and fail in
-# others, for a method at least) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the
+# {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs, and in others fail
+# or have nothing to hold for, such as a peak to lower) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the
 # {glue:text}`15_claims.ipynb::claims_others:s` other claims the same counts are
 # {glue:text}`15_claims.ipynb::claims_others_reproduced:s`,
 # {glue:text}`15_claims.ipynb::claims_others_in_part:s`,
@@ -95,6 +95,7 @@ from himap.app.stored_tables import angular_ratios, ledgers_table, picture, stor
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote
 from himap.figures.tables import Table
+from himap.measures.diagnostics import FAILING
 from himap.paper.claims.base import FAILED, REPRODUCED, UNDECIDED, in_band
 from himap.paper.claims.entries import HOLDS, HOLDS_NOT
 from himap.paper.ledger_table import BADGES, CONCLUSIONS, joint_verdict
@@ -117,6 +118,7 @@ def share(entries, claim, part):
     return 100 * shares.loc[shares["part"] == part, "mean"].item(), 1, "%"
 
 
+LIMITS = {"O3": 0.05, "V7": FAILING}  # on SDecGMCA, as in these claims
 quote(
     answer_skies=ledgers[0][0][0].n_skies,
     answer_restarts=ledgers[0][0][0].n_restarts,
@@ -133,6 +135,8 @@ quote(
     answer_masked=share(half, "M4", "SD improves"),
     answer_dimmed=share(half, "G1", "SD improves"),
     answer_optimum=share(half, "N4", "relative least at 5 to 7"),
+    answer_optimum_logarithmic=share(half, "N4", "logarithmic least at 5 to 7"),
+    answer_optimum_absolute=share(half, "N4", "absolute least at 5 to 7"),
     answer_oscillating=percent(half, "O3"),
     answer_large_restarts=full["O3"].n_restarts,
     answer_large_held=(100 * full["O3"].main_shares["mean"].min(), 1, "%"),
@@ -167,21 +171,38 @@ Table(
 # %% tags=["remove-input"]
 angular = stored_curves(large, "fig-results-angular", folder)
 made = Provenance.of_stored(ledgers[1][1])
+
+
+def of_restarts(curves, statistic):
+    """A number of each restart of SDecGMCA in a panel, at 10 < l < 200."""
+    degrees, true = curves["HI + noise"]
+    powers = [power for label, (_, power) in curves.items() if ": restart " in label]
+    return [in_band(statistic, degrees, power / true, 10, 200) for power in powers]
+
+
 (oscillating,) = (curves for panel, curves in angular.items() if panel.startswith("oscillating"))
-degrees, true = oscillating["HI + noise"]
-errors = [
-    in_band("within", degrees, power / true, 10, 200)
-    for label, (_, power) in oscillating.items()
-    if ": restart " in label
-]
-held = np.array(errors) < 0.05  # as in O3
-everything = (held.sum() + full["O3"].main_shares["mean"].min() * full["O3"].n_restarts) / (
-    len(held) + full["O3"].n_restarts
-)
+drawn = {
+    "O3": np.array(of_restarts(oscillating, "within")),
+    "V7": np.max([of_restarts(curves, "error") for curves in angular.values()], axis=0),
+}
+known = {claim: full[claim].members["value"].to_numpy() for claim in drawn}
+# Of the same start on the same processor the ledger and the figures have the same run.
+both = min(map(len, (known["O3"], drawn["O3"])))
+again = np.isclose(known["O3"][:both], drawn["O3"][:both], rtol=0.02)
+other = np.r_[~again, np.ones(len(drawn["O3"]) - both, dtype=bool)]
+held = {claim: np.r_[known[claim], drawn[claim][other]] < limit for claim, limit in LIMITS.items()}
+pooled = {
+    claim: REPRODUCED if several.mean() >= HOLDS else UNDECIDED if several.mean() > HOLDS_NOT else FAILED
+    for claim, several in held.items()
+}
 quote(
-    answer_figures_held=(100 * held.mean(), 1, "%"),
-    answer_figures_restarts=len(held),
-    answer_all_verdict=REPRODUCED if everything >= HOLDS else UNDECIDED if everything > HOLDS_NOT else FAILED,
+    answer_figures_held=(100 * (drawn["O3"] < LIMITS["O3"]).mean(), 1, "%"),
+    answer_figures_restarts=len(other),
+    answer_figures_again=int(again.sum()),
+    answer_all_restarts=len(held["O3"]),
+    answer_all_verdict=pooled["O3"],
+    answer_all_robust=pooled["V7"],
+    answer_all_failed=int((~held["V7"]).sum()),
 )
 
 # %% tags=["remove-input"] mystnb={"figure": {"name": "fig-answer-angular", "caption": "Ratio of recovered to true angular power spectrum (HI plus noise) for six methods and three beams, at the paper's size, with the real Galaxy (templates, nside 64): the paper's Fig. 1 as ratios, linear near 1 and logarithmic beyond. Grey band: 10 %. PCA and FastICA coincide; of SDecGMCA the median and 16 to 84 % of eight restarts."}}
@@ -207,9 +228,9 @@ Markdown(picture(large, "fig-results-frequency", folder))
 claims_of(1)
 
 # %% [markdown]
-# **The methods recover both spectra.** The largest deviations are those of the polynomial fit: foreground
-# residual in the Galactic plane, an excess at the lowest $\ell$ and at $0.03 < k_\nu < 0.06$ MHz$^{-1}$
-# ({doc}`07_polynomial`).
+# **The methods recover both spectra, the polynomial fit not at their low ends**: foreground residual in the
+# Galactic plane gives it an excess at the lowest $\ell$ and at $0.03 < k_\nu < 0.06$ MHz$^{-1}$
+# ({doc}`07_polynomial`). That is less than 5 % of the $k_\nu$, which are evenly spaced, so that D2 holds for it.
 # At $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper, which calls the loss small;
 # the polynomial loses most.
 #
@@ -220,7 +241,8 @@ claims_of(2)
 
 # %% [markdown]
 # **The parametric fit fails, as in the paper, and SDecGMCA recovers $C_\ell$ in most members; PCA and
-# FastICA do so only where HI is brighter.** The beam adds spectral modes to the foreground at the highest
+# FastICA do so where HI is brighter, and narrowly miss the paper's "approximately 10 %" at its size with the
+# box of the figures.** The beam adds spectral modes to the foreground at the highest
 # multipoles: in the median member the worst of these three methods has 95 % of its multipoles within
 # {glue:text}`answer_evolving` of the truth at `laptop`, within {glue:text}`answer_evolving_pictures` at the
 # paper's size with the box of the figures and within {glue:text}`answer_evolving_large` with the paper's
@@ -240,8 +262,12 @@ claims_of(3)
 # its run does not fail**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median of all
 # members; the paper: 5 %). At the paper's size, on one sky, it is within 5 % in
 # {glue:text}`answer_large_held` of the ledger's {glue:text}`answer_large_restarts` restarts and in
-# {glue:text}`answer_figures_held` of the {glue:text}`answer_figures_restarts` of the first figure, which are independent
-# of these on the same sky; for all of them together O3 would be *{glue:text}`answer_all_verdict`* ({doc}`18_paper_size`). PCA,
+# {glue:text}`answer_figures_held` of the {glue:text}`answer_figures_restarts` of the first figure, of which
+# {glue:text}`answer_figures_again` are the same runs as in the ledger. Of the {glue:text}`answer_all_restarts`
+# different runs {glue:text}`answer_all_failed` fail; for all of them together O3 would be
+# *{glue:text}`answer_all_verdict`* and V7, that SDecGMCA is robust, *{glue:text}`answer_all_robust`*
+# ({doc}`18_paper_size`). O3 is judged by the ratio of the means over channels; with the mean of the ratios of
+# single channels, or in the middle channel, it does not hold in the one run that was compared ({ref}`other-choices`). PCA,
 # without knowledge of the beam, needs more components, one more at `quick` and more than one at `laptop`
 # ({doc}`25_side_by_side`): on the synthetic Galaxy of {doc}`10_results` with one more its mean $C/C_0$ at $10
 # < \ell < 128$ is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA
@@ -266,7 +292,8 @@ Markdown(picture(large, "fig-ns-scan-mse", folder))
 
 # %% [markdown]
 # **The result is sensitive to the number of sources, and in {glue:text}`answer_optimum` of the members the
-# minimum is at 5, 6 or 7** (main part of N4). With too few the residual contains foreground; with too many
+# relative total error is least at 5, 6 or 7** (a main part of N4; with a logarithmic or absolute error in
+# {glue:text}`answer_optimum_logarithmic` and {glue:text}`answer_optimum_absolute`). With too few the residual contains foreground; with too many
 # PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scan of the ledger ends at 8.
 # {doc}`22_how_many` chooses the number without the truth.
 #

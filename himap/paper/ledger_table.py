@@ -54,7 +54,7 @@ def plain_table(entries):
             "verdict": entry.label,
             "parts": shares_text(entry.main_shares),
             "measured": measured(entry),
-            "paper": entry.claim.paper,
+            "paper, or limit": entry.claim.paper,
             "what is measured": entry.claim.number,
         }
         for entry in entries
@@ -131,7 +131,8 @@ class LedgerTable:
             claims = [self._row(entry) for entry in self.entries if entry.claim.section == section]
             if claims:
                 rows += [["", HTML(f"<strong>{title}</strong>"), "", "", "", ""], *claims]
-        return Table(["", "claim", "verdict", "measured", "paper", "fails for; holds in"], rows).html()
+        header = ["", "claim", "verdict", "measured", "paper, or limit", "fails for; holds in"]
+        return Table(header, rows).html()
 
     def _row(self, entry):
         claim = {name: html.escape(getattr(entry.claim, name)) for name in _WORDS}

@@ -1,6 +1,7 @@
 """What claims are made of: their words and parts, and the measures and tests that many share.
 
-A word of the paper is one number, the same in every claim that uses it. An edge that the paper gives as
+A word of the paper is one number, the same in every claim that uses it, but for *significant*, which the
+paper says of changes of very different size: there the claim has the number. An edge that the paper gives as
 about, such as l ~ 40, is that number itself.
 """
 
@@ -123,7 +124,7 @@ class Claim:
     section, figure
         Of the paper; the figure is empty where it has none.
     number, paper
-        What is measured, and what the paper gives for it.
+        What is measured, and what the paper gives for it, or the limit that its words are read as.
     notebook
         Where the companion shows it.
     check

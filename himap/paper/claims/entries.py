@@ -82,7 +82,7 @@ class Entry:
 
     @property
     def label(self):
-        """The verdict; with the methods that a claim in part holds for, or that its premise is absent."""
+        """The verdict; where some methods fail, which, and whether it fails only for want of its premise."""
         verdict, why = self._judgement
         return f"{verdict} ({why})" if why else verdict
 
@@ -236,15 +236,25 @@ def judge_shares(shares):
         return INAPPLICABLE, ""
     if all(outcome.values()):
         return REPRODUCED, ""
+    others = [share for share in shares if share.holds is not True]
     if True in by_method and False in outcome.values():
-        words = [f"for {sum(share.holds is True for share in shares)} of {len(shares)} parts"]
-        for held, word in ((False, "not"), (None, "undecided")):
-            of_methods = [name for name, one in outcome.items() if one is held and name in methods]
-            others = [name for name, one in outcome.items() if one is held and name not in methods]
-            words += [f"{word} for {', '.join(of_methods)}"] * bool(of_methods)
-            words += [f"{word}: {', '.join(others)}"] * bool(others)
-        return IN_PART, "; ".join(words)
+        count = f"for {len(shares) - len(others)} of {len(shares)} parts"
+        return IN_PART, "; ".join([count, *_which(outcome, methods, {False: "not", None: "undecided"})])
     if True in by_method or None in by_method or False not in outcome.values():
-        return UNDECIDED, ""
-    absent = all(share.absent >= HOLDS - _ROUNDING for share in shares if share.holds is not True)
+        if False in outcome.values():
+            return UNDECIDED, "; ".join(_which(outcome, methods, {False: "not"}))
+        never_fails = all(share.mean + share.absent >= 1 - _ROUNDING for share in others)
+        return UNDECIDED, "holds where its premise is present" if never_fails else ""
+    absent = all(share.absent >= HOLDS - _ROUNDING for share in others)
     return FAILED, "premise absent" if absent else ""
+
+
+def _which(outcome, methods, words):
+    """Texts: which methods, and which other parts, have one of the outcomes {outcome: its word}."""
+    texts = []
+    for held, word in words.items():
+        names = [name for name, one in outcome.items() if one is held]
+        of_methods, parts = [n for n in names if n in methods], [n for n in names if n not in methods]
+        texts += [f"{word} for {', '.join(of_methods)}"] * bool(of_methods)
+        texts += [f"{word}: {', '.join(parts)}"] * bool(parts)
+    return texts

@@ -198,7 +198,8 @@ def subdominant_noise(sky):
     spectrum with each beam. The noise of a pixel does not depend on its size, so that C_l of the noise are
     proportional to the area of pixels, and inversely to the width of channels: they are those of pixels and
     channels as large as the paper's. P(k) has the paper's channels, and the pixels of the maps: where the
-    beam is degraded after the noise, coarser pixels make its noise larger.
+    beam is degraded after the noise, coarser pixels make its noise larger. HI is that of the maps, which has
+    less power in coarser cells and channels: below the paper's size the ratio is an upper limit.
     """
     parts, median, most = (), {}, {}
     for beam in BEAMS:
@@ -290,10 +291,10 @@ def regularisation_scheme(sky):
 def robust(sky):
     """SD is robust on the full sky, without masks.
 
-    A member fails if its mean |C/C0 - 1| over 10 < l < min(200, 2 nside) is above 10 %, twice the accuracy
-    that the paper gives for these scales. SD is robust if it does not fail on the full sky, the Galactic
-    plane included, before any mask: a main part for each beam. The share of the members in which a part holds
-    is one less the probability of failure.
+    A member fails if its mean |C/C0 - 1| over 10 < l < min(200, 2 nside) is above 10 %: twice the accuracy
+    that the paper gives for these scales through the oscillating beam, and that of the others. SD is robust
+    if it does not fail on the full sky, the Galactic plane included, before any mask: a main part for each
+    beam. The share of the members in which a part holds is one less the probability of failure.
     """
     errors = {beam: mean_error(sky.of(beam)["sdecgmca"]) for beam in BEAMS}
     parts = (
