@@ -14,6 +14,9 @@ def start():
     try:
         if sys.__stderr__ is not None:
             faulthandler.enable(sys.__stderr__)
+        for stream in (sys.stdout, sys.stderr):
+            if hasattr(stream, "reconfigure"):  # a terminal may lack a character of a table
+                stream.reconfigure(errors="backslashreplace")
         from himap.app.cli.main import main
 
         main(prog_name="himap")

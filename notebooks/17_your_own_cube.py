@@ -91,7 +91,8 @@ galactic = hp.pix2ang(nside, np.arange(hp.nside2npix(nside)))
 colatitude = hp.Rotator(coord=["G", "C"])(*galactic)[0]  # equatorial
 gap = colatitude < np.quantile(colatitude, missing)
 
-folder = Path(tempfile.mkdtemp())
+temporary = tempfile.TemporaryDirectory()  # deleted when this notebook ends
+folder = Path(temporary.name)
 for name, maps in (("cube", observation.maps), ("truth", observation.truth)):
     kelvin = np.where(gap, hp.UNSEEN, maps[order] / 1e3).astype(np.float32)
     nested = np.array([hp.reorder(channel, r2n=True) for channel in kelvin])

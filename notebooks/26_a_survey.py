@@ -147,7 +147,8 @@ show(
 # Hits are one HEALPix map for all channels, flags an array of voxels. Maps are NaN where nothing was observed.
 
 # %%
-folder = Path(tempfile.mkdtemp())
+temporary = tempfile.TemporaryDirectory()  # deleted when this notebook ends
+folder = Path(temporary.name)
 with h5py.File(folder / "cube.h5", "w") as file:
     disturbed = np.where(flags, 1e4, maps)
     file["maps"] = np.where(inside, disturbed, np.nan).astype(np.float32)

@@ -660,7 +660,7 @@ for n, (write, message) in enumerate(
 add("a parameter called name", "good.h5 -p name=x", "name")
 for value in ("0", "many", "1e999"):
     add(f"n_sources={value}", f"good.h5 -p n_sources={value}", "n_sources")
-add("more sources than channels", "good.h5 -p n_sources=30", "at most the number of channels")
+add("more sources than channels", "good.h5 -p n_sources=30", "below the number of channels")
 add("no noise", "good.h5 --method sdecgmca --beam evolving", "-p noise=0.04")
 add("restarts of what has none", "good.h5 --restarts 8", "leave restarts out")
 add("no restarts", "good.h5 --method sdecgmca --beam evolving --restarts 0", "restarts must be")

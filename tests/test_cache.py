@@ -130,6 +130,17 @@ def test_work_in_files_that_is_interrupted_goes_on(lab, how):
     assert not _unfinished()
 
 
+def test_a_workplace_in_use_is_not_cleared(lab):
+    with cache.workplace("base", "0" * 32, 10) as folder:
+        (folder / "part").write_text("a")
+        assert cache.clear_cache() == 0 and (folder / "part").exists()
+        raise_at_end = pytest.raises(KeyboardInterrupt)
+    with raise_at_end, cache.workplace("base", "0" * 32, 10) as folder:
+        (folder / "part").write_text("a")
+        raise KeyboardInterrupt  # which leaves the folder for the next call
+    assert (folder / "part").exists() and cache.clear_cache() == 1 and not folder.exists()
+
+
 def test_writers_at_work_go_on(lab, kept):
     hosts = (socket.gethostname(), "elsewhere")
     names = {f"unfinished-{host}-{os.getpid()}-0123abcd" for host in hosts}

@@ -10,10 +10,11 @@ from ledgers import finding
 
 from himap.app.cli import measure
 from himap.app.stored import RESULTS
+from himap.core.survey import PRESETS
 from himap.paper.claims import FAILED, IN_PART, REPRODUCED
 from himap.paper.claims.entries import finding_rows
-from himap.paper.experiments import EXPERIMENTS, authors, find_experiment
-from himap.paper.record import Experiment, Record, measuring_code
+from himap.paper.experiments import EXPERIMENTS, authors, find_experiment, measuring_code, transfer
+from himap.paper.record import Experiment, Record
 
 CLAIMS = ("measure", "claims", "--preset", "ci")
 
@@ -262,6 +263,39 @@ class TestCheckAndGrow:
         assert written(*CLAIMS, "-p", "method=beam_subspace", "-o", "b.json")[0] == 0
         assert dict(stored("b.json").about["overrides"])["n_restarts"] == 1
 
+    def test_a_sky_that_has_more_restarts_than_others_is_checked(self, written):
+        """As where growing was interrupted: of those that are measured again."""
+        one_sky = (*CLAIMS, "--grow", "a.json", "-p", "n_realisations=1", "-p", "n_restarts=4")
+        assert written(*one_sky)[0] == 0
+        for n in (2, 4):
+            assert written(*CLAIMS, "--check", "a.json", "-p", f"n_restarts={n}")[::2] == (0, "")
+        code, _, err = written(*CLAIMS, "--check", "a.json", "-p", "n_restarts=5")
+        assert code == 2 and "give the parameters that it was made with" in err
+
+    @pytest.mark.parametrize("changed", ["a default", "a beam"])
+    def test_what_no_parameter_says_is_refused_too(self, himap_command, monkeypatch, changed):
+        """Other defaults of himap, or another beam in the file that was given."""
+        row = {"method": "pca", "n_sources": 3, "band": "C/C0, 2-4", "uncorrected": 1.0, "corrected": 1.0}
+        row |= {"seed": 2025, "error_bar": 0.1, "foreground": 0.0}
+
+        def table(self, skies):
+            return self.frame([row | {"seed": sky.survey.seed} for sky in skies])
+
+        monkeypatch.setattr(Experiment, "table", table)
+        Path("beam.txt").write_text("1.0\n" * PRESETS["ci"].n_channels)
+        given = ("-p", "beam=beam.txt", "--preset", "ci")
+        assert himap_command("measure", "transfer", *given, "-p", "n_realisations=1", "-o", "a.json")[
+            ::2
+        ] == (0, "")
+        before = Path("a.json").read_text()
+        if changed == "a beam":
+            Path("beam.txt").write_text("1.1\n" * PRESETS["ci"].n_channels)
+        else:
+            monkeypatch.setitem(transfer.EXPERIMENT.defaults, "methods", [["pca", 4]])
+        code, _, err = himap_command("measure", "transfer", "--grow", "a.json", "-p", "n_realisations=2")
+        assert code == 2 and "other parameters (defaults, or files it reads)" in err
+        assert Path("a.json").read_text() == before
+
     def test_a_parameter_at_its_default_is_no_other_one(self, written):
         assert written(*CLAIMS, "--check", "a.json", "-p", "plane_weight=0.1")[::2] == (0, "")
 
@@ -300,7 +334,6 @@ class TestCheckAndGrow:
             (["--grow", "a.json", "-p", "plane_weight=0.2"], "other parameters (plane_weight)"),
             (["--grow", "a.json", "-p", "seed=7"], "other parameters (seed)"),
             (["--grow", "a.json", "-p", "n_restarts=1"], "give n_restarts=2 or more"),
-            (["--check", "a.json", "-p", "n_restarts=3"], "other parameters (n_restarts)"),
             (["--check", "a.json", "-p", "seed=7"], "other parameters (seed)"),
             (["--check", "a.json", "--preset", "quick"], "other parameters (preset)"),
             (["--check", "a.json"], "other parameters (galaxy_files)"),

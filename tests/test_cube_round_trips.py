@@ -4,6 +4,7 @@ import tempfile
 import warnings
 from pathlib import Path
 
+import click
 import h5py
 import healpy as hp
 import numpy as np
@@ -11,11 +12,13 @@ import pytest
 from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 from astropy.wcs import WCS
+from click.testing import CliRunner
 from cube_files import run, write_hdf5
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from image_files import SKY, STOKES, header_of
 
+from himap.app.cli.main import main
 from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.maps.frames import frame_of
 from himap.maps.healpix_io import MILLIKELVIN, write_maps
@@ -282,11 +285,41 @@ def test_a_part_of_the_sky_whose_first_channel_sees_nothing(tmp_path):
 
 
 def test_rows_of_the_mixing_matrix_have_their_frequencies(tmp_path):
-    """Of a file from the highest channel down whose third is dead, and so has no row."""
+    """Of a file from the highest channel down whose third is dead, and so has no numbers."""
     maps = sky(N_PIX)
     maps[2] = 0
     cube = read_cube(write_hdf5(tmp_path / "a.h5", maps, freqs=DOWN, unit="mK", order="RING"))
     save_cleaned(clean_cube(cube, "pca", n_sources=1, peaks=False), tmp_path / "b.h5")
     with h5py.File(tmp_path / "b.h5") as file:
-        assert len(file["freqs"]) == N_CHANNELS and file["mixing"].shape == (N_CHANNELS - 1, 1)
-        assert file["mixing"].attrs["freqs"] == pytest.approx(np.delete(DOWN, 2)[::-1])
+        assert np.array_equal(file["freqs"], DOWN) and np.isnan(file["mixing"][2])
+        rows = np.delete(file["mixing"][:, 0], 2)[::-1]  # of a spectrum that falls with frequency
+    cleaned = clean_cube(cube, "pca", n_sources=1, peaks=False)
+    assert rows == pytest.approx(cleaned.separation.mixing[:, 0])
+
+
+@pytest.mark.parametrize("card", [("ORDER", 3), ("NEST", "F"), ("FRAME", "LSRK"), ("FRAME", "C")])
+def test_cards_that_say_something_else_elsewhere_are_no_attributes(tmp_path, card):
+    """Of a HEALPix table in FITS, which does not state its frame, cleaned to HDF5."""
+    path = tmp_path / "a.fits"
+    hp.write_map(path, sky(N_PIX), column_units="mK", dtype=np.float32, extra_header=[card])
+    cube = read_cube(path, freqs=FREQS)
+    save_cleaned(clean_cube(cube, "pca", n_sources=1, peaks=False), tmp_path / "b.h5")
+    again = read_cube(tmp_path / "b.h5", maps_name="residual")
+    assert again.layout.pixels.frame is None and again.layout.pixels.nested is False
+
+
+def test_what_is_done_is_kept_where_nobody_reads_what_is_printed(tmp_path, monkeypatch):
+    for name, factor in (("a", 1), ("m", 1e-3)):
+        write_hdf5(tmp_path / f"{name}.h5", factor * sky(N_PIX), freqs=FREQS, unit="mK", order="RING")
+    echo = click.echo
+
+    def gone(message=None, err=False, **more):
+        if not err:
+            raise BrokenPipeError
+        echo(message, err=err, **more)
+
+    monkeypatch.setattr(click, "echo", gone)
+    words = ["--method", "pca", "-p", "n_sources=1", "--keep-peaks", "--mocks", tmp_path / "m.h5"]
+    words = ["clean", tmp_path / "a.h5", *words, "-o", tmp_path / "b.h5"]
+    assert CliRunner().invoke(main, [*map(str, words)]).exit_code
+    assert (tmp_path / "b.h5").exists() and (tmp_path / "b.csv").exists()

@@ -375,3 +375,11 @@ class TestCommands:
         page = Path("c.html").read_text()
         assert "Corrected spectra" in page and "fifths of the sky" in page
         run("clean", "cube.h5", *words, "-o", "c.h5", code=2)  # is there
+
+
+@pytest.mark.parametrize("factor", [0, 0.9])
+def test_a_mock_with_foreground_is_remarked_on(cube, rng, tmp_path, factor):
+    said = []
+    path = write_hdf5(tmp_path / "mock.h5", (factor * cube.maps + blue(rng)).astype(np.float32))
+    _ = list(read_mocks(cube, [path], tell=said.append))
+    assert any("mocks are HI and noise, no foreground" in one for one in said) == bool(factor)

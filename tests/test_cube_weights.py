@@ -58,7 +58,9 @@ class TestReading:
         assert np.array_equal(cube.maps, np.where(weights > 0, maps[kept][:, hits > 0], 0))
         assert np.array_equal(cube.missing, weights == 0)
         one, some, missing, *_ = cube.remarks
-        assert one.startswith("1 of 24 channels have no data") and "80.0% of the sky is seen in some" in some
+        assert (
+            one.startswith("1 of 24 channels have no data") and "(80.0% of the sky) are seen in some" in some
+        )
         assert missing.startswith(f"{np.mean(weights == 0):.2%} of the voxels")
         masked = cube.within(np.arange(N_PIX) % 3 > 0)
         assert np.array_equal(masked.mask, cube.mask & (np.arange(N_PIX) % 3 > 0))

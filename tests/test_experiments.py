@@ -45,7 +45,7 @@ USUAL = {
             for given, message in (
                 ({"methods": [["pca"]]}, "[name, number of sources]"),
                 ({"methods": ["pca"]}, "[name, number of sources]"),
-                ({"methods": [["pca", 17]]}, "at most the number of channels"),
+                ({"methods": [["pca", 17]]}, "below the number of channels"),
                 ({"methods": [["kpca", 3]]}, "unknown method"),
                 ({"methods": []}, "there must be methods"),
                 ({"n_realisations": 0}, "between 1 and 1000"),
@@ -79,7 +79,7 @@ USUAL = {
         ("transfer", {"n_mocks": 1}, "between 2 and 1000"),
         ("beam_errors", {"errors": {"width": [0.1], "colour": [1]}}, "got 'colour'"),
         ("beam_errors", {"errors": {"width": 0.1}}, "a list, such as {'width': [0.01]}, got {'width': 0.1}"),
-        ("methods", {"corrected": [["pca"]]}, "to be corrected is ['pca'], but the methods are pca"),
+        ("methods", {"corrected": [["pca"]]}, "corrected names ['pca'], but the methods are pca"),
         ("n_sources", {"beams": [["degraded"]]}, "are lists of names, got [['degraded']]"),
         ("n_sources", {"methods": [["pca", 3]]}, "are lists of names, got ['degraded'] and [['pca'"),
         *(
@@ -87,14 +87,14 @@ USUAL = {
             for beams in ([], ["degraded", "degraded"], "degraded", [["degraded"]])
         ),
         ("methods", {"methods": [["pca", [3]]]}, "pca has 1 numbers of sources for 2 beams"),
-        ("methods", {"corrected": ["gmca"]}, "to be corrected is gmca, but the methods are pca"),
+        ("methods", {"corrected": ["gmca"]}, "corrected names gmca, but the methods are pca"),
         ("methods", {"n_mocks": 0}, "n_mocks"),
         *(("n_sources", {"noises": one}, "1 first") for one in ([], [3], [1, 0], [1, "much"], [1, True])),
         ("n_sources", {"beams": []}, "there must be beams"),
         ("n_sources", {"methods": []}, "there must be methods"),
         ("n_sources", {"methods": ["gnilc"]}, "no parameter 'n_sources'"),
         ("n_sources", {"n_sources_max": 1}, "between 2 and 100"),
-        ("n_sources", {"n_sources_max": 17}, "at most the number of channels"),
+        ("n_sources", {"n_sources_max": 17}, "below the number of channels"),
         ("n_sources", {"n_mocks": 0}, "between 1 and 1000"),
     ],
 )

@@ -77,7 +77,7 @@ def test_parameters_of_a_known_process_are_found(rng):
     method = GaussianProcess()
     covariance = channel_covariance(maps)
     variance = np.trace(covariance) / len(FREQS)
-    found = np.exp(method._maximised(FREQS, covariance / variance, 1e-2, np.ptp(FREQS) / 5).x)
+    found = np.exp(method._maximised(FREQS, covariance / variance, 1e-14, 1e-2, np.ptp(FREQS) / 5).x)
     found[[0, 2, 4, 6]] *= variance
     assert found[4:] == pytest.approx(TRUE[4:], rel=0.1)
     assert found[[1, 3]] == pytest.approx(TRUE[[1, 3]], rel=0.1)
@@ -86,6 +86,15 @@ def test_parameters_of_a_known_process_are_found(rng):
     best = centred - spectra @ (rows @ centred)
     left = method.clean(maps, freqs=FREQS).residual
     assert np.std(left - best) < 0.03 * rest.std()
+
+
+def test_foregrounds_that_float64_alone_holds_are_removed(rng):
+    """1e8 times brighter than HI, which has less of the variance than float32 has digits."""
+    spectra = (FREQS[:, None] / 1000) ** np.array([-2.1, -2.7, -2.9])
+    foreground = 1e8 * spectra @ rng.standard_normal((3, 2000))
+    hi = np.linalg.cholesky(np.exp(-np.abs(FREQS[:, None] - FREQS) / 10)) @ rng.standard_normal((40, 2000))
+    residual = GaussianProcess().clean(foreground + hi, freqs=FREQS).residual
+    assert np.std(residual - hi) < np.std(hi)
 
 
 def test_foregrounds_longer_than_the_band_are_no_trouble(rng):

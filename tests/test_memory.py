@@ -56,7 +56,7 @@ LARGE_BOX, IN_FILES = replace(PAPER, box_cells=2048), {"in_files": True}
             replace(LARGE_BOX, nside=2048),
             "HI light cone",
             IN_FILES,
-            "HI .* about .*: a smaller nside",
+            "HI .* about .*: a smaller box_cells, nside",
         ),
         ("12GB", PAPER, "cleaning", {"jobs": 2}, "2 jobs, and 12 GB .* fewer --jobs need less.*--max-memory"),
     ],
@@ -133,3 +133,10 @@ def test_memory_is_a_cause_of_death_only_where_it_ran_out(codes, kills, expected
         (tmp_path / "vmstat").write_text("pgfault 12\noom_kill 4\nother 7\n")
         assert memory.memory_kills() == 4
     assert memory.cause_of_death(codes, kills or 0) == expected
+
+
+def test_a_small_box_in_files_needs_no_more_than_in_memory():
+    small, large = PRESETS["ci"], replace(PAPER, box_cells=2048)
+    for survey, less in ((small, False), (large, True)):
+        needs = [estimate(survey, in_files=in_files)["HI light cone"] for in_files in (False, True)]
+        assert (needs[1] < needs[0]) == less and needs[1] <= needs[0]

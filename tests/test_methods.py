@@ -1,6 +1,7 @@
 """The methods and beams as the paper uses them."""
 
 from himap.instrument.beams import Evolving, MeerKAT, Oscillating
+from himap.paper.grid import cases_and_methods
 from himap.paper.methods import (
     BSS,
     TABLE_1,
@@ -25,7 +26,15 @@ def test_another_beam_gets_the_row_of_the_oscillating_one():
 
 
 def test_the_reading_of_the_ripple():
-    assert paper_beams(ripple="additive")["oscillating"] == Oscillating(ripple="additive")
+    beams = paper_beams(ripple="additive")
+    assert beams["oscillating"] == beams.get(" Oscillating") == Oscillating(ripple="additive")
+    assert beams.get("meerkat") is None
+
+
+def test_a_method_is_the_same_however_its_name_is_spelled():
+    settings = {"beam": "evolving", "reading": "code", "preset": "ci", "n_realisations": 1}
+    found = [cases_and_methods(methods=[(name, 4)], **settings)[1] for name in ("sdecgmca", "SDecGMCA")]
+    assert found[0] == found[1] == [sdecgmca_for(Evolving(), n_sources=4, reading="code")]
 
 
 def test_six_methods():

@@ -65,9 +65,13 @@ class TestMock:
         assert abs(skewness[1]) < 0.3 * skewness[0]
 
 
-def test_first_mocks_are_of_no_sky_that_is_observed():
-    cases = [replace(CASE, survey=replace(SURVEY, seed=seed)) for seed in (2, 3, 2025)]
-    assert first_mocks(3, cases) == [Mock(seed=1), Mock(seed=4), Mock(seed=5)]
+@pytest.mark.parametrize("first", [1, 3, 4, 2025])
+def test_first_mocks_are_of_no_sky_that_is_observed_however_many_there_are(first):
+    cases = [replace(CASE, survey=replace(SURVEY, seed=first + n)) for n in range(20)]
+    mocks = first_mocks(3, cases)
+    assert mocks == first_mocks(3, cases[:1]) and len(mocks) == 3
+    assert not {mock.seed for mock in mocks} & {case.survey.seed for case in cases}
+    assert (mocks[0] == Mock(seed=1)) == (first > 3)
 
 
 @pytest.mark.parametrize("remover", [PCA(n_sources=3), BeamSubspace(n_sources=3)])

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from himap.core.errors import InputError
 from himap.paper import record as record_module
-from himap.paper.experiments import EXPERIMENTS, find_experiment
-from himap.paper.record import Experiment, Record, measuring_code
+from himap.paper.experiments import EXPERIMENTS, find_experiment, measuring_code
+from himap.paper.record import Experiment, Record
 from himap.store.fingerprint import CodeTree
 from himap.store.sources import LOADED
 

@@ -164,6 +164,24 @@ def test_a_file_that_a_parameter_names_and_that_changed_is_read_again(folder, no
     assert [reproduce.run("01", **once)[1] for _ in range(2)] == [True, False]
 
 
+def test_files_in_lists_and_of_beams_are_found_and_folders_are_the_same_in_a_kernel(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    Path("w.txt").write_text("1")
+    for value in (
+        "w.txt",
+        ["a", "w.txt"],
+        {"a": ["w.txt"]},
+        "file:path=w.txt",
+        "misjudged:beam=w.txt,width=0.1",
+    ):
+        found = [reproduce._files_in({"beam": value}) for _ in range(2)]
+        Path("w.txt").write_text(Path("w.txt").read_text() + "1")
+        assert found[0] == found[1] != reproduce._files_in({"beam": value}) and "beam" in found[0]
+    assert reproduce._files_in({"beam": "meerkat:band=L", "n": 3, "names": ["a"]}) == {}
+    monkeypatch.setenv("HIMAP_CACHE", "cache")
+    assert reproduce._kernel_variables()["HIMAP_CACHE"] == str(tmp_path / "cache")
+
+
 WORDS = """
 # %% mystnb={"figure": {"name": "fig-toy", "caption": "Of {glue:text}`toy_scale` ([end](toy-end))."}}
 from himap.figures.numbers import quote

@@ -10,7 +10,7 @@ from himap.removal.base import SeparationWarning
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
 from himap.removal.pca import PCA
-from himap.removal.restarts import Ensemble, contrast, remarks_on_one
+from himap.removal.restarts import Ensemble, contrast, line_powers, remarks_on_one
 from himap.removal.sdecgmca.method import SDecGMCA
 from himap.removal.separation import Separation
 
@@ -80,12 +80,20 @@ def test_contrast(planted):
     """1 of noise, whatever the foreground, and of nothing; of a change the residual with it counts."""
     one = planted(error=planted.follows)
     foreground = one.separation.foreground
-    assert contrast(planted().residual, foreground) == pytest.approx(1, abs=0.1)
-    assert contrast(0 * one.residual, foreground) == 1
-    found = contrast(one.residual, foreground)
+    assert contrast(*line_powers(planted().residual, foreground)) == pytest.approx(1, abs=0.1)
+    assert contrast(*line_powers(0 * one.residual, foreground)) == 1
+    found = contrast(*line_powers(one.residual, foreground))
     assert found > 2
     change = planted().separation.foreground + -foreground
-    assert contrast(planted().residual, foreground, change) == pytest.approx(found, rel=1e-3)
+    assert contrast(*line_powers(planted().residual, foreground, change)) == pytest.approx(found, rel=1e-3)
+
+
+def test_a_run_whose_sources_vanished_looks_failed(planted):
+    """The residual is then all of the data, and not strong where the estimated foreground is brightest."""
+    collapsed = planted(error=planted().separation.sources)
+    flags = [[*one] for one in Ensemble(members=(collapsed, collapsed)).flags]
+    assert flags == [["remaining"]] * 2
+    assert "hardly any foreground was subtracted" in remarks_on_one(collapsed)[1]
 
 
 def test_one_run_says_that_it_is_one(planted):

@@ -84,6 +84,7 @@ def test_no_error_moves_nothing_and_more_moves_more(path):
         ("beam_subspace", {"widths": [0.0]}, "none that is 0"),
         ("beam_subspace", {"widths": [0.9]}, "at most 0.5, got 0.9"),
         ("beam_subspace", {"period": 0}, "period .* above 0"),
+        ("beam_subspace", {"period": float(np.diff(FREQS)[0])}, "nearly the same in all channels"),
         ("beam_subspace", {"dish": 12}, "dish= is for the beams"),
     ],
 )

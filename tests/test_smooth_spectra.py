@@ -197,6 +197,18 @@ class TestCovariance:
         expected = faint_covariance(stationary(), CHANNELS, 3)[np.ix_(kept, kept)]
         assert np.abs(found - expected).max() < 0.1
 
+    @pytest.mark.parametrize(
+        "freqs",
+        [
+            np.delete(CHANNELS, np.arange(12, 30)),
+            np.delete(CHANNELS, [3, 4, 20, 41]),
+            np.sort(1 / np.linspace(1 / 900, 1 / 1400, N)),
+        ],
+    )
+    def test_white_noise_is_white_however_channels_are_spaced(self, freqs):
+        values = np.linalg.eigvalsh(faint_covariance(np.eye(len(freqs)), freqs, 3))
+        assert values.min() > 0.5 and values.max() < 2
+
 
 def narrow(rng, nside=16):
     """Two power laws, HI and noise in 24 channels of a narrow band; also HI and noise, and frequencies."""

@@ -12,8 +12,7 @@ import pytest
 
 import himap
 from himap.app.notebooks import notebooks
-from himap.paper.experiments import EXPERIMENTS
-from himap.paper.record import measuring_code
+from himap.paper.experiments import EXPERIMENTS, measuring_code
 from himap.store.fingerprint import CodeTree, moved
 
 HIMAP = Path(himap.__file__).resolve().parent

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, run, write_hdf5
 
+from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, read_cube, spectra, suggestion
 from himap.instrument.beams import named
 from himap.maps import sphere
@@ -106,6 +107,8 @@ class TestSuggestion:
         found = made_up(n_sources=np.arange(1, 6), stable=3, **falling)
         assert found.range is None
         assert suggestion.advice(found).startswith("The criterion still falls at 5, the last number")
+        fewer = replace(found, n_bright=2)
+        assert fewer.range == (2, 5) and "The criterion still falls at 5" in suggestion.advice(fewer)
         found = replace(found, criterion=np.array([1, 0, 1, 2, 3.0]))
         assert "n_sources = 2 to 5" in suggestion.advice(found)
         assert "7 eigenvalues exceed HI and noise: try larger ones too." in suggestion.advice(found)
@@ -141,3 +144,18 @@ class TestSuggestion:
         path = write_hdf5(tmp_path / "a.h5", maps)
         done = run("suggest", path, "--method", "beam_subspace", "--beam", "oscillating", "--to", 4)
         assert "2 eigenvalues exceed HI and noise." in done.output
+
+
+@pytest.mark.parametrize("method", ["polynomial", "gnilc"])
+def test_a_method_without_sources_is_refused(method, rng, tmp_path):
+    cube = cube_of(tmp_path, rng.standard_normal((24, N_PIX)).astype("f4"))
+    with pytest.raises(InputError, match=f"{method} has no number of sources; beam_subspace, "):
+        suggestion.suggest(cube, method)
+    done = run("suggest", tmp_path / "a.npy", "--method", method, "--beam", "evolving", code=2)
+    assert "has no number of sources" in done.output and "unit" not in done.output
+
+
+def test_numbers_are_shown_as_they_were_given(rng, tmp_path):
+    cube = cube_of(tmp_path, rng.standard_normal((24, N_PIX)).astype("f4"))
+    with pytest.raises(InputError, match="got 5 to 3"):
+        suggestion.suggest(cube, n_sources=range(5, 4))

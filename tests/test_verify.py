@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from himap.app.notebooks import notebooks
+from himap.core.errors import InputError
 from himap.paper import canonical
-from himap.paper.experiments import EXPERIMENTS
-from himap.paper.record import measuring_code
+from himap.paper.experiments import EXPERIMENTS, measuring_code
 from himap.store import fingerprint as code
 from himap.store import verify
 from himap.store.fingerprint import CodeTree, moved
@@ -322,6 +322,13 @@ def test_verify_needs_a_checkout(monkeypatch, himap_command):
     monkeypatch.setattr(code, "ACCEPTED", Path("nowhere") / "accepted.json")
     status, _, said = himap_command("verify")
     assert status == 2 and "checkout of himap" in said
+
+
+def test_a_file_after_a_merge_is_refused_with_the_way_out(monkeypatch, tmp_path):
+    (tmp_path / "accepted.json").write_text('<<<<<<< HEAD\n{"a": "b"}')
+    monkeypatch.setattr(code, "ACCEPTED", tmp_path / "accepted.json")
+    with pytest.raises(InputError, match="is no JSON .* after a merge: restore it with `git checkout`"):
+        code.stored_dict(code.ACCEPTED)
 
 
 def test_the_command_ends_with_what_differs(monkeypatch, himap_command):

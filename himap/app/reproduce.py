@@ -13,6 +13,7 @@ import hashlib
 import json
 import logging
 import os
+import re
 import sys
 import time
 from pathlib import Path
@@ -239,14 +240,26 @@ def _files_in(parameters):
     """{name: digest} of the parameters that name a file or folder, by names, sizes and times of the files."""
     digests = {}
     for name, value in parameters.items():
-        if not (isinstance(value, str) and os.path.exists(os.path.expanduser(value))):
-            continue
-        path = Path(value).expanduser()
-        with contextlib.suppress(OSError):  # the notebook says it
-            files = sorted(path.iterdir()) if path.is_dir() else [path]
-            states = [(one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in files]
+        states = []
+        for path in _paths_in(value):
+            with contextlib.suppress(OSError):  # the notebook says it
+                files = sorted(path.iterdir()) if path.is_dir() else [path]
+                states += [(one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in files]
+        if states:
             digests[name] = hashlib.sha256(repr(states).encode()).hexdigest()[:16]
     return digests
+
+
+def _paths_in(value):
+    """The paths that a parameter names, a list: by itself, in lists, or as a parameter of a beam."""
+    if isinstance(value, dict):
+        value = [*value.values()]
+    if isinstance(value, list | tuple):
+        return [path for one in value for path in _paths_in(one)]
+    if not isinstance(value, str):
+        return []
+    texts = [value, *(part.partition("=")[2] for part in re.split("[:,;]", value) if "=" in part)]
+    return [path for path in (Path(os.path.expanduser(text)) for text in texts if text) if path.exists()]
 
 
 def _kernel_variables():
@@ -264,6 +277,9 @@ def _kernel_variables():
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
         "JUPYTER_PLATFORM_DIRS": "1",
     }
+    # Kernels run in the folder of the notebooks, where a relative path is another one.
+    folders = ((name, os.environ.get(name)) for name in ("HIMAP_CACHE", "NUMBA_CACHE_DIR"))
+    variables |= {name: os.path.abspath(os.path.expanduser(one)) for name, one in folders if one}
     home = Path.home()
     if not (home.is_dir() and os.access(home, os.W_OK)):  # matplotlib would say so in the notebook
         variables["MPLCONFIGDIR"] = os.environ.get("MPLCONFIGDIR", str(run_folder() / "matplotlib"))

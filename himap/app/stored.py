@@ -19,11 +19,11 @@ from himap.core.memory import estimate
 from himap.core.survey import PRESETS, Survey
 from himap.figures import styles
 from himap.paper.claims.entries import entries
-from himap.paper.experiments import EXPERIMENTS, find_experiment
+from himap.paper.experiments import EXPERIMENTS, find_experiment, measuring_code
 from himap.paper.experiments.claims import too_coarse
 from himap.paper.ledger_table import READING
 from himap.paper.readings import find_reading, outcomes
-from himap.paper.record import Record, measuring_code
+from himap.paper.record import Record
 from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree, moved
 from himap.store.provenance import Provenance
 

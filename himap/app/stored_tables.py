@@ -133,7 +133,7 @@ def ledgers_table(ledgers, only=None, others=None):
     head = [
         "Claim",
         "Measured",
-        "The paper says",
+        "The paper, or limit",
         *names,
         *([] if others is None else ["Fails for; holds in"]),
     ]

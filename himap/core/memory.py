@@ -113,7 +113,8 @@ def estimate(survey, *, jobs=1, in_files=False):
     cube = 4 * survey.n_channels * survey.n_pix
     light_cone = _BOXES * 4 * survey.box_cells**3 + cube
     if in_files:
-        light_cone = max(_COLUMNS + 4 * min(survey.box_cells, NESTED_CELLS) ** 3, cube)
+        in_columns = max(_COLUMNS + 4 * min(survey.box_cells, NESTED_CELLS) ** 3, cube)
+        light_cone = min(light_cone, in_columns)  # a small box needs less than its columns may
     return {
         "HI light cone": PROCESS + light_cone,
         "observing": PROCESS + _CUBES["observing"] * cube,
@@ -139,8 +140,7 @@ def check_memory(survey, step, *, jobs=1, in_files=False):
         if step == "cleaning" and jobs > 1:
             way_out = "fewer --jobs need less"
         else:
-            in_memory = step == "HI light cone" and not in_files
-            way_out = f"a smaller {'box_cells' if in_memory else 'nside or n_channels'} needs less"
+            way_out = f"a smaller {'box_cells, ' * (step == 'HI light cone')}nside or n_channels needs less"
         raise InputError(
             f"{step} needs about {needed / 1e9:.3g} GB at nside {survey.nside}, {survey.n_channels} "
             f"channels, {survey.box_cells}^3 cells{f' and {jobs} jobs' if jobs > 1 else ''}, and "

@@ -55,6 +55,8 @@ def regular_file(path, kind="file"):
     InputError
         There is none, it may not be read, or it is a folder, a pipe or a device.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"the {kind} must be given by its path, got {type(path).__name__}.")
     try:
         if not str(path):
             raise FileNotFoundError
@@ -105,6 +107,8 @@ def mapped_array(path):
         It is no such file, or shorter than it says.
     """
     path = regular_file(path)
+    if (form := format_of(path)) in ("HDF5", "FITS"):
+        raise InputError(f"{path} must be a .npy file, and is {form}.")
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except Exception as error:  # numpy evaluates the header, which raises nearly anything

@@ -9,7 +9,8 @@ from importlib import import_module
 from himap.core.errors import InputError, nearest
 
 
-def _plain(name):
+def plain_name(name):
+    """A name in small letters, without blanks, hyphens and the like."""
     return re.sub(r"[\W_]", "", str(name)).lower()
 
 
@@ -56,11 +57,11 @@ class Registry:
         """
         if self.holds(name):
             return name
-        names = {_plain(each): each for each in self.names()}
-        if _plain(name) not in names:
+        names = {plain_name(each): each for each in self.names()}
+        if plain_name(name) not in names:
             hint = nearest(str(name).lower(), names.values())
             raise InputError(f"unknown {self._kind} {name!r}{hint}; there are {', '.join(names.values())}.")
-        return names[_plain(name)]
+        return names[plain_name(name)]
 
     def describe(self, name):
         """What a class is, and its parameters with their defaults, as text."""

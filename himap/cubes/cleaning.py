@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from himap.core.checks import checked_beams
+from himap.core.checks import checked_beams, whole_number
 from himap.core.errors import InputError
 from himap.cubes.cube import Cube
 from himap.instrument import beams as all_beams
@@ -68,6 +68,12 @@ class CleanedCube(Cleaning):
         return medoid
 
 
+def check_cleaned(cleaned):
+    """Refuse what is no `CleanedCube`."""
+    if not isinstance(cleaned, CleanedCube):
+        raise InputError(f"it takes a CleanedCube, as clean_cube gives it, got {type(cleaned).__name__}.")
+
+
 def clean_cube(cube, method, *, beams=None, peaks=True, restarts=None, seed=2025, **parameters):
     """Remove the foregrounds of a cube.
 
@@ -114,6 +120,8 @@ def cleaning_of(cube, method, beams=None, *, peaks=True, seed=2025):
 
     Nothing is separated before it is asked for; peaks are masked now.
     """
+    if not isinstance(peaks, bool):
+        raise InputError(f"peaks must be True or False, got {peaks!r}.")
     if peaks and len(cube.freqs) < _LEAST_FOR_PEAKS:
         raise InputError(
             f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
@@ -129,7 +137,7 @@ def _data_of(cube, method, beams, seed=0):
         grid=None if cube.whole_sky else cube.mask.reshape(cube.layout.pixels.shape),
         weights=cube.weights,
         beams=beams if "beams" in method.uses else None,
-        seed=np.random.default_rng(seed),
+        seed=np.random.default_rng(whole_number("seed", seed, 0, 2**63)),
     )
 
 
@@ -141,6 +149,8 @@ def method_for(cube, method, *, beams=None, **parameters):
     InputError
         It cannot, or there is none of that name or with these parameters.
     """
+    if not isinstance(cube, Cube):
+        raise InputError(f"the cube must be a Cube, as read_cube gives it, got {type(cube).__name__}.")
     if not isinstance(method, str | ForegroundRemover):
         raise InputError(f"method must be a name, such as 'pca', or a method, such as PCA(), got {method!r}.")
     if parameters and not isinstance(method, str):
@@ -155,8 +165,19 @@ def method_for(cube, method, *, beams=None, **parameters):
             f"{remover.name} finds spectra in the lines of sight, and of these only {n_seen} are seen, fewer "
             f"than the {n_channels} channels: HI would be removed as foreground. Keep more of the sky."
         )
+    if beams is not None and "beams" in remover.uses:
+        _check_reach("beams", np.asarray(beams), cube)
     remover.check_data(_data_of(cube, remover, beams))
     return remover
+
+
+def _check_reach(label, beams, cube):
+    """Refuse b_l, (n_channels, lmax + 1), that end before 2 nside: what is beyond would not be removed."""
+    if beams.shape[-1] <= 2 * cube.nside:
+        raise InputError(
+            f"{label} must hold b_l from l = 0 to 2 nside = {2 * cube.nside} at least, got {beams.shape[-1]} "
+            "numbers a line; for widths give one FWHM (deg) a line."
+        )
 
 
 def check_pixels(cube, remover):
@@ -220,9 +241,5 @@ def beams_of(cube, beam, *, dish=None):
         beams = beam.windows(layout.freqs, **options).total[layout.channels]
     else:
         beams = beam.windows(cube.freqs, **options).total
-    if beams.shape[1] <= 2 * cube.nside:
-        raise InputError(
-            f"{beam} must hold b_l from l = 0 to 2 nside = {2 * cube.nside} at least, got {beams.shape[1]} "
-            "numbers a line; for widths give one FWHM (deg) a line."
-        )
+    _check_reach(beam, beams, cube)
     return checked_beams(str(beam), beams, len(cube.freqs))

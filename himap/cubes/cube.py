@@ -296,11 +296,12 @@ def _remarks_on_file(cube, seen, dead, dtype):
     if not cube.mask.all():
         where = "every" if cube.missing is None else "some"
         area = f"{cube.mask.mean():.1%} of {cube.layout.pixels.area}"
-        remarks.append(f"{area} is seen in {where} channel; the rest is masked.")
+        pixels = f"{cube.mask.sum()} of {cube.mask.size} pixels ({area})"
+        remarks.append(f"{pixels} are seen in {where} channel; the rest is masked.")
     remarks += _remarks_on(cube)
     if dead.any():
         names = ", ".join(f"{freq:g}" for freq in np.sort(cube.layout.freqs[dead])[:5])
-        remarks.append(f"{dead.sum()} of these have one value everywhere, as dead ones: {names} MHz.")
+        remarks.append(f"{dead.sum()} of the channels have one value everywhere, as dead ones: {names} MHz.")
     if cube.weights is None and are_scattered(seen):
         remarks.append(
             "Pixels that some channels miss are masked in all; methods that take weights keep what is seen "

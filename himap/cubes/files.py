@@ -150,7 +150,7 @@ def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
     InputError
         No such file, another format, a file that does not hold one cube, or too large a one.
     """
-    is_folder = os.path.isdir(path)
+    is_folder = isinstance(path, str | os.PathLike) and os.path.isdir(path)
     path = Path(path) if is_folder else regular_file(path)
     form = "FITS" if is_folder else format_of(path)
     if form == "HDF5":
@@ -250,8 +250,8 @@ def _either(path, what, stated, given, *, same=operator.eq, shown=str):
     """What the file states or else the caller gives, None where neither does; both must be the same."""
     if stated is not None and given is not None and not same(stated, given):
         raise InputError(
-            f"{path}: the file says {shown(stated)}, but the {what} given is {shown(given)}; leave it out, "
-            "or mend the file."
+            f"{path}: the file says {shown(stated)}, but the {what} given is {shown(given)}, for all files: "
+            "leave it out, mend this file, or write the one that does not say it as HDF5 that does."
         )
     return given if stated is None else stated
 

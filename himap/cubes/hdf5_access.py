@@ -34,6 +34,11 @@ _WRITTEN = {"foreground", "residual"}  # the maps of a cleaned cube
 _DEEPEST, _MOST = 32, 10_000  # groups in groups, and items: beyond, a file is made to keep readers busy
 
 
+def says_layout(name):
+    """Whether an attribute of this name says how the maps of a file are kept, but for the spectral frame."""
+    return _NAMES.get(name.lower(), _NAMES.get(name.lower().removesuffix("s"))) not in (None, "SPECSYS")
+
+
 @contextmanager
 def opened(path, aside=()):
     """The `Datasets` of the file called `path`, while it is read."""

@@ -14,6 +14,7 @@ from himap.sky.hi import hi_maps
 
 _CELLS = (64, 1024)  # of a box, along one side: the least, and what fits a workstation
 _ROOM = 1.01  # of the box beyond the band
+_BRIGHT = 0.5  # rms over that of a cube with foreground, which is far brighter than HI
 
 
 def read_mocks(cube, paths, *, tell=None, **reading):
@@ -40,10 +41,14 @@ def read_mocks(cube, paths, *, tell=None, **reading):
         for remark in mock.remarks if tell else ():
             tell(f"{path}: {remark}")
         check_truth(cube, mock, f"{path}: a mock")
-        yield mock.maps[:, cube.mask[mock.mask]]
+        maps = mock.maps[:, cube.mask[mock.mask]]
+        share = np.sqrt(np.mean(maps.var(axis=1)) / np.mean(cube.maps.var(axis=1)))
+        if tell and share > _BRIGHT:
+            tell(f"{path} has {share:.2g} times the rms of the cube: mocks are HI and noise, no foreground.")
+        yield maps
 
 
-def draw_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
+def draw_mocks(cube, beams, n_mocks, *, noise=None):
     """The maps of lognormal mocks, one after the other, (n_channels, n_seen) float32, mK.
 
     HI as in the simulations of the paper, through the beams, and white noise where its level is given.
@@ -58,8 +63,6 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
         How many.
     noise
         Of a pixel, mK, a number or (n_channels,); None for none.
-    seed
-        Of the first mock; the others have those after it.
 
     Raises
     ------
@@ -73,7 +76,7 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
         )
     beams = checked_beams("beams", beams, len(cube.freqs))
     sigma = checked_noise("noise", noise, len(cube.freqs))
-    survey = mock_survey(cube, seed=seed)
+    survey = mock_survey(cube)
 
     def mock(rng):
         maps = hi_maps(survey, rng)[np.abs(survey.freqs[:, None] - cube.freqs).argmin(axis=0)]
@@ -87,10 +90,10 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None, seed=1):
             maps += spread[:, None] * rng.standard_normal(maps.shape, dtype=np.float32)
         return maps
 
-    return (mock(np.random.default_rng(seed + n)) for n in range(n_mocks))
+    return (mock(np.random.default_rng(1 + n)) for n in range(n_mocks))
 
 
-def mock_survey(cube, *, seed=1):
+def mock_survey(cube):
     """The `Survey` that has the channels and pixels of a cube, and a box that holds its band.
 
     Channels that the file of the cube has, and the cube not, are in it where the others are uneven without.
@@ -115,6 +118,6 @@ def mock_survey(cube, *, seed=1):
     try:
         reach = float(HIModel().cosmology.comoving_distance(redshift(low)))
         size = max(Survey().box_size, 2 * _ROOM * reach)
-        return Survey(**options, box_cells=cells, box_size=size, seed=seed)
+        return Survey(**options, box_cells=cells, box_size=size)
     except InputError as error:
         raise InputError(f"no mocks can be made for this cube: {error} Give mocks of your own.") from None

@@ -10,6 +10,7 @@ import numpy as np
 
 from himap import __version__
 from himap.core.errors import InputError
+from himap.cubes.cleaning import check_cleaned
 from himap.cubes.spectra import PATCH, compared, patch_power, spectra_of
 from himap.figures import planes, plotting, styles
 from himap.figures.tables import Table
@@ -98,6 +99,7 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None)
     said
         Sentences, what was assumed; default: those of the cube.
     """
+    check_cleaned(cleaned)
     if spectra is None:
         spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
     parts = [

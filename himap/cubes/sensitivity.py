@@ -47,12 +47,13 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
     Raises
     ------
     InputError
-        A method that does not use the beam, no error at all, or one outside its range.
+        A method that does not use the beam, no error at all, one outside its range, or a ripple that the
+        channels of the cube hardly show.
     """
     cube, method = cleaned.cube, cleaned.method
     if "beams" not in method.uses:
         raise InputError(f"{method.name} does not use the beam, so that no error of it changes the result.")
-    assumed = perturbed_beams(beam, widths, ripples, period)
+    assumed = perturbed_beams(beam, cube.freqs, widths, ripples, period)
     known = [(one, beams_of(cube, one, dish=dish)) for one in assumed]  # fails now
     alms = alms_of(cube, cleaned.residual, cleaned.separation.lmax)
     ratios = {}
@@ -63,13 +64,19 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
     return pd.DataFrame(ratios).T.astype(float).rename_axis(["kind", "error"])
 
 
-def perturbed_beams(beam, widths=WIDTHS, ripples=RIPPLES, period=20.0):
-    """A list of `PerturbedBeam`; parameters and errors as of `beam_sensitivity`."""
+def perturbed_beams(beam, freqs, widths=WIDTHS, ripples=RIPPLES, period=20.0):
+    """A list of `PerturbedBeam` for channels at `freqs`, MHz; the rest as of `beam_sensitivity`."""
     beam = beam if isinstance(beam, Beam) else named(beam)
     assumed = [PerturbedBeam(beam=str(beam), width=width) for width in widths]
     assumed += [PerturbedBeam(beam=str(beam), ripple=ripple, period=period) for ripple in ripples]
     if not assumed or not all(one.width or one.ripple for one in assumed):
         raise InputError("there must be errors of the beam, and none that is 0: widths, ripples or both.")
+    for one in assumed:
+        if np.ptp(one.error(freqs)) < abs(one.ripple):  # of twice that at most
+            raise InputError(
+                f"a ripple of {period:g} MHz is nearly the same in all channels, which are "
+                f"{np.diff(freqs).min():g} MHz apart: give another period= (--period), or widths alone."
+            )
     return assumed
 
 

@@ -32,6 +32,8 @@ from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.instrument.beams.base import gaussian_widths
 from himap.measures.n_sources import STABLE, changes, eigenvalue_line, information, n_significant, settled
+from himap.removal import available
+from himap.removal.base import REGISTRY
 from himap.removal.blurred_mixture import one_resolution_eigenvalues
 from himap.removal.covariance import channel_covariance
 from himap.removal.weighted_pca import seen_covariance
@@ -102,7 +104,8 @@ class Suggestion:
         """(low, high): the number that the criterion and the eigenvalues agree on, or from one to the other.
 
         Twice that of the criterion where this decides alone. None where they disagree and no spectrum is
-        stable, or where the criterion falls to the last number that was tried.
+        stable, or where the criterion falls to the last number that was tried and the eigenvalues do not say
+        fewer.
         """
         bright = self.best if self.criterion_alone else self.n_bright
         if self.best == self.n_sources[-1] and bright >= self.best:
@@ -145,6 +148,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         A method without sources, numbers that do not ascend, or what the method refuses, such as lines of
         sight with too few channels for the largest number.
     """
+    check_method(method)
     n_channels = len(cube.freqs)
     n_sources = range(1, min(MOST_SOURCES + 1, n_channels)) if n_sources is None else n_sources
     several = n_sources if np.iterable(n_sources) else [n_sources]
@@ -154,7 +158,7 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     if not in_a_row or counts[0] < 1 or counts[-1] >= n_channels:
         raise InputError(
             "n_sources (--from, --to) are two or more numbers in a row, from 1 to one less than there are "
-            f"channels, {n_channels - 1}, got {n_sources}."
+            f"channels, {n_channels - 1}, got {_said(n_sources)}."
         )
     counts = np.array(counts)
     # Refused now, not after the others.
@@ -202,6 +206,18 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     )
 
 
+def _said(numbers):
+    """Numbers in words; a range by its first and last."""
+    return f"{numbers.start} to {numbers.stop - 1}" if isinstance(numbers, range) else f"{numbers}"
+
+
+def check_method(method):
+    """Refuse the name of a method that has no number of sources."""
+    counted = [name for name in available() if "n_sources" in REGISTRY[name].__dataclass_fields__]
+    if method in REGISTRY and method not in counted:
+        raise InputError(f"{method} has no number of sources; {', '.join(counted)} have one.")
+
+
 def advice(suggestion):
     """The recommendation of a `Suggestion` in words, and what one source more would change."""
     tried = f"from {suggestion.n_sources[0]} to {suggestion.n_sources[-1]}"
@@ -231,6 +247,8 @@ def advice(suggestion):
         method = f"{method} with a beam of {least:.3g} to {most:.3g} deg FWHM"
         only = "this method and beam alone: run it again for others"
     sentences = [f"For {method}, consider n_sources = {numbers}."]
+    if suggestion.best == suggestion.n_sources[-1]:
+        sentences.append(f"The criterion still falls at {suggestion.best}, the last number that was tried.")
     if not suggestion.criterion_alone and suggestion.n_bright > suggestion.n_sources[-1]:
         sentences.append(f"{suggestion.n_bright} eigenvalues exceed HI and noise: try larger ones too.")
     last = np.flatnonzero(suggestion.n_sources == high)[0]

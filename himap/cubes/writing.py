@@ -12,6 +12,8 @@ import numpy as np
 from himap import __version__
 from himap.core.errors import InputError, plain_text, shortened
 from himap.core.files import atomic_files, check_free
+from himap.cubes.cleaning import check_cleaned
+from himap.cubes.hdf5_access import says_layout
 
 OUTPUTS = (".h5", ".hdf5", ".fits", ".fits.gz", ".npy")
 """What the name of a cleaned cube ends with."""
@@ -119,6 +121,7 @@ def save_cleaned(cleaned, path, *, overwrite=False):
         Another ending than those of `OUTPUTS`, more channels than FITS has columns, or a file that is there
         already, without `overwrite`.
     """
+    check_cleaned(cleaned)
     check_columns(cleaned.cube, path)
     paths = files_of(check_output(path, overwrite=overwrite))
     with atomic_files(*paths) as temporary:  # all of them or none
@@ -165,15 +168,20 @@ def _write_hdf5(cleaned, path, as_given, about, sentences):
         for name, maps in as_given:
             file.create_dataset(name, data=maps).attrs["unit"] = layout.unit
         file.create_dataset("freqs", data=layout.freqs).attrs["unit"] = "MHz"
-        mixing = file.create_dataset("mixing", data=cleaned.separation.mixing)
-        mixing.attrs["rows"] = "channels by frequency, ascending, of those with data: in MHz, freqs"
-        mixing.attrs["freqs"] = cleaned.cube.freqs
+        mixing = cleaned.separation.mixing
+        rows = np.full((len(layout.freqs), mixing.shape[1]), np.nan)
+        rows[layout.channels] = mixing
+        file.create_dataset("mixing", data=rows).attrs["rows"] = (
+            "those of freqs; NaN of channels without data"
+        )
         about |= {"parameters": json.dumps(asdict(cleaned.method))}
         about |= {"remarks": shortened("\n".join(map(plain_text, sentences)))}
         attributes, datasets = layout.pixels.in_hdf5(layout)
         for name, values in datasets.items():
             file.create_dataset(name, data=values)
-        texts = {key: value for key, value in layout.about.items() if "\0" not in f"{value}"}  # h5py has none
+        # h5py has no zeros in texts, and a card of FITS may have the name of what says how pixels are kept.
+        kept = ((key, value) for key, value in layout.about.items() if not says_layout(key))
+        texts = {key: value for key, value in kept if "\0" not in f"{value}"}
         file.attrs.update(texts | attributes | about)
 
 

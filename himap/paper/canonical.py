@@ -33,6 +33,7 @@ from himap.paper.experiments import (
     boxes,
     claims,
     flags,
+    measuring_code,
     methods,
     n_sources,
     readings,
@@ -41,7 +42,6 @@ from himap.paper.experiments import (
 )
 from himap.paper.grid import Sky
 from himap.paper.realisation import Realisation
-from himap.paper.record import measuring_code
 from himap.removal import (
     GMCA,
     PCA,

@@ -211,7 +211,7 @@ def make(work):
     cases = dict.fromkeys(call[0] for _, call in missing if isinstance(call[0], pipeline.Case))
     if cases:
         survey = next(iter(cases)).survey
-        check_memory(survey, "cleaning", jobs=n_jobs())
+        check_memory(survey, "cleaning", jobs=min(n_jobs(), len(missing)))
         make_hi(case.survey.sky for case in cases if not pipeline.observation.is_cached(case))
         masked = [(pipeline.peak_masked, (case,)) for case in cases]
         make_all(masked, "observations", at_once=fitting(survey, "observing"))

@@ -100,11 +100,11 @@ def cases_and_methods(
                 f"got {pair!r}."
             )
         name, n_sources = pair
-        if name == "sdecgmca" and n_sources is not None:
-            removers.append(sdecgmca_for(selected, n_sources=n_sources, reading=reading))
-        else:
-            removers.append(create(name, **({} if n_sources is None else {"n_sources": n_sources})))
-        removers[-1].check(cases[0].survey.n_channels)
+        remover = create(name, **({} if n_sources is None else {"n_sources": n_sources}))
+        if remover.name == "sdecgmca" and n_sources is not None:
+            remover = sdecgmca_for(selected, n_sources=n_sources, reading=reading)
+        remover.check(cases[0].survey.n_channels)
+        removers.append(remover)
     return cases, removers
 
 

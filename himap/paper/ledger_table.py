@@ -54,7 +54,7 @@ def plain_table(entries):
             "verdict": entry.label,
             "parts": shares_text(entry.main_shares),
             "measured": measured(entry),
-            "paper, or limit": entry.claim.paper,
+            "paper": entry.claim.paper,
             "what is measured": entry.claim.number,
         }
         for entry in entries

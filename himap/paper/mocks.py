@@ -3,7 +3,6 @@
 A mock is the truth of another sky: HI and noise, seen through the same beam.
 """
 
-import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -180,7 +179,9 @@ def mocks_of_sky(seed, n_mocks):
 
 
 def first_mocks(n_mocks, cases):
-    """So many usual mocks, with the first seeds from 1 that no sky of `cases` has."""
-    used = {case.survey.seed for case in cases}
-    free = (seed for seed in itertools.count(1) if seed not in used)
-    return [Mock(seed=seed) for seed in itertools.islice(free, n_mocks)]
+    """So many usual mocks of `cases` whose seeds ascend, however many there are: with the seeds from 1.
+
+    Where skies have these, of the seeds of `mocks_of_sky` of the first.
+    """
+    first = cases[0].survey.seed
+    return [*mocks_of_sky(first, n_mocks)] if first <= n_mocks else [Mock(seed=1 + n) for n in range(n_mocks)]

@@ -17,7 +17,7 @@ import pandas as pd
 from himap.core.errors import InputError
 from himap.core.files import atomic_files
 from himap.core.reading import regular_file
-from himap.store.fingerprint import CodeTree, moved
+from himap.store.fingerprint import moved
 from himap.store.parallel import dask_address
 from himap.store.provenance import Provenance, environment
 
@@ -25,6 +25,7 @@ _FORMAT = 3
 _DIGITS = 6  # of a number: far more than two machines agree on
 _TOLERANCE = 1e-3  # of numbers that are measured again, relative to them or to the median of their key
 _SKIES, _RESTARTS = "n_realisations", "n_restarts"  # how much is measured, not how
+_FIRST = "first_sky"  # the digest of all that it is made of, defaults and files too
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +100,12 @@ class Experiment:
             rows += [{"seed": sky.survey.seed} | row for sky in several for row in self.measure(sky)]
         return self.frame(rows)
 
+    @staticmethod
+    def restarts_of(rows):
+        """{"n_restarts": how many every sky of some rows has}; {} where they are of no restarts."""
+        each = rows.groupby("seed")["restart"].nunique() if "restart" in rows else []
+        return {_RESTARTS: int(min(each))} if len(each) else {}
+
     def frame(self, rows):
         """A DataFrame of rows, dicts with a value for each column, whose types are checked.
 
@@ -113,12 +120,6 @@ class Experiment:
         return pd.DataFrame(
             {name: _column([row[name] for row in rows], name, kind) for name, kind in types.items()}
         )
-
-
-def measuring_code(name, tree=None):
-    """Fingerprint of the code that measures the experiment `name`, as on disk or in a `CodeTree`."""
-    source = f"from himap.paper.experiments.{name} import measure, skies"
-    return (tree or CodeTree()).source_fingerprint(source)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,9 +149,9 @@ class Record:
     @property
     def parameters(self):
         """{name: value} that measure it again; folders, which belong to a machine, are not among them."""
-        galaxy = str(self.about["galaxy"]).partition(" ")[0]  # of "templates (nside 64)"
         named = {name: self.about[name] for name in ("preset", "seed")}
-        return {**named, "galaxy": galaxy, **dict(self.about["overrides"])}
+        named["galaxy"] = str(self.about["galaxy"]).partition(" ")[0]  # of "templates (nside 64)"
+        return named | dict(self.about["overrides"])
 
     @property
     def seeds(self):
@@ -219,9 +220,12 @@ class Record:
         self.check_parameters(about)
         seed = int(rows["seed"].iloc[0])
         columns, key = [name for name in rows if name not in self.experiment.words], [*self.experiment.key]
+        stored = self.rows[self.rows["seed"] == seed]
+        if "restart" in rows:  # a sky may have more of them than others
+            stored = stored[stored["restart"].isin(rows["restart"])]
         stored, rows = (  # where restarts were added, rows are in another order
             table.sort_values(key, kind="stable", ignore_index=True)
-            for table in (self.rows[self.rows["seed"] == seed], rows.assign(drawn=drawn))
+            for table in (stored, rows.assign(drawn=drawn))
         )
         if len(stored) != len(rows):
             raise InputError(
@@ -250,7 +254,7 @@ class Record:
             It was made with other parameters or by other code than `about` says, or with another number of
             restarts where one cannot be measured without the others.
         """
-        self.check_parameters(about, amounts=(_SKIES, _RESTARTS))
+        self.check_parameters(about)
         if all(moved(code, about["code"]) for code in self.codes):
             raise InputError("the record was made by other code; see with --check if that gives the same.")
         recorded, given = (dict(made["overrides"]).get(_RESTARTS) for made in (self.about, about))
@@ -274,36 +278,29 @@ class Record:
         rows = pd.concat([self.rows, rows], ignore_index=True)
         overrides = dict(self.about["overrides"]) | {_SKIES: rows["seed"].nunique()}
         changed = {
-            "overrides": [list(pair) for pair in (overrides | restarts_of(rows)).items()],
+            "overrides": [list(pair) for pair in (overrides | self.experiment.restarts_of(rows)).items()],
             "seconds": self.about["seconds"] + about["seconds"],
             "grown": list(dict.fromkeys([*self.about.get("grown", []), about["commit"]])),
         }
         return replace(self, rows=rows, about={**self.about, **changed})
 
-    def check_parameters(self, about, *, amounts=(_SKIES,)):
-        """Refuse what was made, or would be, with other parameters than the record, but for some `amounts`.
+    def check_parameters(self, about):
+        """Refuse what was made, or would be, with other parameters than the record, but for the amounts.
 
         Raises
         ------
         InputError
             Which parameters differ.
         """
-        known = ["preset", "galaxy", "seed", *({"galaxy_files"} & self.about.keys() & about.keys())]
+        known = ["preset", "galaxy", "seed", *({"galaxy_files", _FIRST} & self.about.keys() & about.keys())]
         ours, theirs = (
             {name: made[name] for name in known} | dict(made["overrides"]) for made in (self.about, about)
         )
-        names = sorted((ours.keys() | theirs.keys()) - {*amounts})
+        names = sorted((ours.keys() | theirs.keys()) - {_SKIES, _RESTARTS})
         differing = [name for name in names if json.dumps(ours.get(name)) != json.dumps(theirs.get(name))]
         if differing:
-            raise InputError(
-                f"the record was made with other parameters ({', '.join(differing)}): give those."
-            )
-
-
-def restarts_of(rows):
-    """{"n_restarts": how many every sky of some rows has}; {} where they are of no restarts."""
-    each = rows.groupby("seed")["restart"].nunique() if "restart" in rows else []
-    return {_RESTARTS: int(min(each))} if len(each) else {}
+            words = ", ".join(name for name in differing if name != _FIRST) or "defaults, or files it reads"
+            raise InputError(f"the record was made with other parameters ({words}): give those.")
 
 
 def _column(values, name, kind):
@@ -341,7 +338,7 @@ def _agree(name, stored, again, key):
     """Whether a column agrees, row by row: numbers to `_TOLERANCE`, all else to the letter."""
     one, other = stored[name].to_numpy(), again[name].to_numpy()
     if stored[name].dtype != "float64":
-        return one == other
+        return np.array([_cell([a]) == _cell([b]) for a, b in zip(one, other, strict=True)])
     groups = stored.groupby(key, sort=False, dropna=False)[name]
     size = groups.transform(lambda several: several.abs().median()).fillna(0).to_numpy()
     with np.errstate(invalid="ignore"):

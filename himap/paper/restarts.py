@@ -46,13 +46,14 @@ def flag_rates(table):
     failed = members["failed"].to_numpy()
     limits = {name: limit for name, (_, limit) in FLAGS.items() if name in members}
     if used := [name for name in USED if name in members]:
-        members["either"] = np.any([members[name] > USED[name][0] for name in used], axis=0).astype(float)
+        members["either"] = np.any([~(members[name] <= USED[name][0]) for name in used], axis=0).astype(float)
         limits["either"] = 0.5
     for name, limit in limits.items():
         values = members[name]
         if limit is None:  # it is comparable within one data set alone
             values, limit = values / values.groupby(members["ensemble"]).transform("median"), 1.0
-        values, flagged = values.to_numpy(), values.to_numpy() > limit
+        values = values.fillna(np.inf).to_numpy()  # a record holds no infinity
+        flagged = values > limit
         bad, good = values[failed], values[~failed]
         more = (bad[:, None] > good) + 0.5 * (bad[:, None] == good)
         rows[name] = {

@@ -35,7 +35,8 @@ class BeamSubspace(ForegroundRemover):
     T being the thresholded detail scales of S. The sources are subtracted before thresholds, so T only
     weights the data, and without noise the true A is a solution for any thresholds. (In a fit of X with T
     alone bright sources no longer cancel where a coefficient is cut, each channel has the remainder through
-    another beam, and A is biased by it.) So the result hardly depends on noise level, threshold or start. The
+    another beam, and A is biased by it.) So the result hardly depends on noise level, share or start; but
+    with `thresholds` of "mad" next to nothing is kept of a source that is bright nearly everywhere. The
     iteration ends when the misfit no longer changes.
 
     The foreground is H A S with S from least squares at every l of the maps (`through_beams`): it depends on

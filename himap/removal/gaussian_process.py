@@ -11,7 +11,7 @@ from himap.core.errors import InputError
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered
 
-_LEAST = 1e-14  # of the variance of the data: float32 maps have no smaller
+_LEAST = {"float32": 1e-14, "float64": 1e-20}  # of the variance of the data: maps have no smaller
 _MOST = 1e4  # of the variance of the data: a process that is smoother than the band is wide has more than it
 _LONGEST = 100.0  # bands: longer is straight to the last digit of float32
 _MOST_STEPS = 500  # some 50 are needed
@@ -59,7 +59,8 @@ class GaussianProcess(ForegroundRemover):
         if variance == 0:
             raise InputError(f"{self.name} needs maps that vary over the sky, got none that does.")
         mixes = [(_STARTS[0], band / 5), (_STARTS[1], band / 5), (_STARTS[1], 1.5 * self.shortest)]
-        runs = [self._maximised(data.freqs, data.covariance / variance, *mix) for mix in mixes]
+        least = _LEAST[data.centred.dtype.name]
+        runs = [self._maximised(data.freqs, data.covariance / variance, least, *mix) for mix in mixes]
         best = min(runs, key=lambda run: run.fun)
         spectra, rows = smoother(best.x, data.freqs)
         mixing, sources = ordered(spectra, data.project(rows))
@@ -68,14 +69,15 @@ class GaussianProcess(ForegroundRemover):
             mixing=mixing, sources=sources, converged=best.status != _OUT_OF_STEPS, n_iterations=best.nit
         )
 
-    def _maximised(self, freqs, covariance, mix, length):
+    def _maximised(self, freqs, covariance, least, mix, length):
         """The most likely logarithms of the parameters, scipy's result, in units of the data's variance.
 
-        `mix` and `length`, MHz, are where the variance and length of the less smooth foreground start.
+        No variance is below `least`; `mix` and `length`, MHz, are where the variance and length of the less
+        smooth foreground start.
         """
         band = freqs[-1] - freqs[0]
-        faint = np.clip(np.median(np.linalg.eigvalsh(covariance)), _LEAST, 1)
-        amplitude = np.log([_LEAST, _MOST])
+        faint = np.clip(np.median(np.linalg.eigvalsh(covariance)), least, 1)
+        amplitude = np.log([least, _MOST])
         foreground = np.log([self.shortest, max(_LONGEST * band, 2 * self.shortest)])
         signal = np.log([self.longest_hi / _LONGEST, self.longest_hi])
         bounds = [amplitude, foreground, amplitude, foreground, amplitude, signal, amplitude]

@@ -24,6 +24,7 @@ _BRIGHT = 9.0  # times the median of the variances: foreground, not HI and noise
 _ORDER = 3  # of the polynomial in frequency through the logarithm of a variance
 _FEWEST = 8  # channels: of fewer, the median has foreground
 _FAINT = 1e-3  # of the largest weight: pixels below it do not feel a region
+_SEEN = 0.5  # share of a region from which it has a filter of its own
 _ROUNDING = 1e-14  # of the variance of the data: a prior below that is of float32 maps without HI and noise
 
 
@@ -90,6 +91,8 @@ class GNILC(ForegroundRemover):
             peaks.append(2 * peaks[-1])
         windows, degrees = cosine_needlets(peaks, lmax), harmonic.degrees(lmax)
         mock = None if self.prior is None else mock_modes(self.prior, maps.shape)
+        inside = np.ones(maps.shape[1], dtype=bool) if data.inside is None else data.inside
+        seen = inside.mean()  # outside there is no HI, so that the whole sphere has less
         spectra, sources, local = [], [], 0
         for peak, window in zip(peaks, progress(windows, self.name), strict=True):
             last = int(np.flatnonzero(window).max())
@@ -97,7 +100,7 @@ class GNILC(ForegroundRemover):
             if mock is None:
                 prior = expected_covariance(covariance, data.freqs, peak)
             else:
-                prior = stationary(band_covariance(mock, window))
+                prior = seen * stationary(band_covariance(mock, window))
             columns, rows = foreground_filter(covariance, prior)
             spectra.append(columns)
             sources.append(harmonic.synthesise(window[degrees] ** 2 * modes.along(rows, lmax), nside))
@@ -105,7 +108,7 @@ class GNILC(ForegroundRemover):
             if len(prior) < n_modes:
                 width = np.sqrt(len(prior) / n_modes)
                 needlet = harmonic.synthesise(window[harmonic.degrees(last)] * modes.upto(last), nside)
-                more = local_difference(needlet, prior, (columns, rows), width)
+                more = local_difference(needlet, prior / seen, (columns, rows), width, inside)
                 alms = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
                 local = local + alms * window[sphere.alm_degree(lmax)].astype(np.float32)
         # Beyond the last l: what is in the maps less what is in their modes.
@@ -139,21 +142,24 @@ def n_foreground(values):
     return int(np.argmin(2 * np.arange(len(beyond)) + beyond))
 
 
-def local_difference(maps, prior, everywhere, width):
+def local_difference(maps, prior, everywhere, width, inside):
     """What filters of regions remove more than the filter of the sky, (n_channels, n_pix) float32.
 
     A region has the weight exp(-d^2 / (2 width^2)) at an angle d from its centre. Centres are HEALPix pixels
     no further apart than `width`; between them the results of their filters are averaged with the squares of
-    those weights. A covariance is that of cells of half that size, each with its weight.
+    those weights. A covariance is that of cells of half that size, each with its weight. Where most of a
+    region is not seen, the filter of the sky remains.
 
     Of maps, (n_channels, n_pix) float64, with Q of HI and noise, `prior`, and the `foreground_filter` of all
-    pixels; `width` in rad.
+    pixels; `width` in rad; `inside` the pixels that are seen, (n_pix,) bool.
     """
     nside = sphere.nside_of(maps)
     coarse = 2 ** max(0, int(np.ceil(np.log2(np.sqrt(np.pi / 3) / width))))
     fine = min(2 * coarse, nside)
     order = sphere.nest_to_ring(nside).reshape(12 * fine**2, -1)
-    products = np.array([maps[:, cell] @ maps[:, cell].T for cell in order])  # of each cell
+    parts = [cell[inside[cell]] for cell in order]  # what is seen of each cell
+    products = np.array([maps[:, part] @ maps[:, part].T for part in parts])
+    n_seen, n_all = np.array([len(part) for part in parts]), order.shape[1]
     cells = sphere.pixel_vectors(fine, nest=True)
     places, centres = sphere.pixel_vectors(nside), sphere.pixel_vectors(min(coarse, nside))
 
@@ -165,7 +171,9 @@ def local_difference(maps, prior, everywhere, width):
     more = np.zeros(maps.shape, dtype=np.float32)
     for centre in progress(centres, "regions"):
         shares = weight(cells, centre)
-        covariance = np.tensordot(shares, products, 1) / (shares.sum() * maps.shape[1] / len(cells))
+        if shares @ n_seen < _SEEN * shares.sum() * n_all:
+            continue
+        covariance = np.tensordot(shares, products, 1) / (shares @ n_seen)
         spectra, rows = foreground_filter(covariance, prior)
         share = weight(places, centre) ** 2 / total
         near = share > _FAINT * share.max()
@@ -245,8 +253,12 @@ def expected_covariance(covariance, freqs, degree):
     place = degree * np.log(FREQ_21CM / freqs - 1)
     shape = np.exp(-np.abs(place[:, None] - place))
     values, axes = np.linalg.eigh(covariance)
-    faint = axes[:, values <= _BRIGHT * np.median(values)]
-    level, share = (np.sum((faint @ (faint.T @ one @ faint)) * faint, axis=1) for one in (covariance, shape))
+    kept = values <= _BRIGHT * np.median(values)
+    faint = axes[:, kept]
+    level = faint**2 @ np.maximum(
+        values[kept], 0
+    )  # not from `covariance`, with the rounding of the brightest
+    share = np.sum((faint @ (faint.T @ shape @ faint)) * faint, axis=1)
     deviation = np.sqrt(_smoothed(level / share))
     return np.outer(deviation, deviation) * shape
 

@@ -24,9 +24,11 @@ BRIGHT = 0.1
 FLAGS = {
     "contrast": (2.0, "the residual is strong where the foreground is brightest"),
     "distance": (0.5, "the residual is far from that of the medoid"),
+    "remaining": (0.5, "hardly any foreground was subtracted"),
 }
 """{flag: (value above which it is set, what it means)}: where foreground residual has as much power as HI and
-noise have, and where a quarter of the power differs."""
+noise have, where a quarter of the power differs, and where half of the data remains: all sources may end at
+0, which changes no more."""
 
 _WAY_OUT = (
     "Take beam_subspace, which does not depend on its start; or thresholds=analytic, share=1, n_warmup=1 and "
@@ -113,12 +115,13 @@ class Ensemble:
 
     @cached_property
     def values(self):
-        """Of each member its `contrast`, and the distance from the medoid over the rms of its residual."""
-        residual, values = self.medoid.residual, []
-        rms = np.sqrt(np.mean(np.square(residual, dtype=np.float64)))
+        """Of each member its `_values`, and the distance from the medoid over the rms of its residual."""
+        values = []
+        rms = np.sqrt(np.mean(np.square(self.medoid.residual, dtype=np.float64)))
         for k, distance in enumerate(self.distances[self.medoid_index]):
-            bright = contrast(residual, self.members[k].separation.foreground, self.change(k))
-            values.append({"contrast": float(bright), "distance": float(distance / rms)})
+            foreground = self.members[k].separation.foreground
+            one = _values(self.medoid, foreground, self.change(k))
+            values.append(one | {"distance": float(distance / rms)})
         return values
 
     @property
@@ -147,7 +150,7 @@ def remarks_on_one(cleaning):
     """What the user should know of one run, a list of sentences; empty for methods without restarts."""
     if not has_restarts(cleaning.method):
         return []
-    flags = flags_of({"contrast": contrast(cleaning.residual, cleaning.separation.foreground)})
+    flags = flags_of(_values(cleaning, cleaning.separation.foreground))
     why, name = ", ".join(FLAGS[flag][1] for flag in flags), cleaning.method.name
     one = f"{name} is chaotic, so that one run is one draw: compare several, with --restarts 8 or restarts=8."
     return [one, f"This one looks failed: {why}. {_WAY_OUT}"] if flags else [one]
@@ -158,10 +161,16 @@ def flags_of(values):
     return [name for name, value in values.items() if value > FLAGS[name][0]]
 
 
-def contrast(residual, foreground, change=None):
-    """Power of a residual on the lines of sight where the foreground is brightest, over that elsewhere.
+def _values(cleaning, foreground, change=None):
+    """{flag: value} of the residual of a `Cleaning`, with a change: `contrast`, and its share of the data."""
+    powers = line_powers(cleaning.residual, foreground, change)
+    variance = np.mean([channel.var(dtype=np.float64) for channel in cleaning.data.maps])
+    remaining = powers[1].mean() / variance if variance > 0 else 0.0
+    return {"contrast": float(contrast(*powers)), "remaining": float(remaining)}
 
-    HI and noise know nothing of the foreground: of these it is 1.
+
+def line_powers(residual, foreground, change=None):
+    """Mean squares of lines of sight over channels, of a foreground and of a residual, (2, n_pix) mK^2.
 
     Parameters
     ----------
@@ -175,6 +184,14 @@ def contrast(residual, foreground, change=None):
         remaining = residual[:, block] if change is None else residual[:, block] + change.lines(block)
         for power, lines in zip(powers[:, block], (foreground.lines(block), remaining), strict=True):
             power[:] = np.mean(np.square(lines, dtype=np.float64), axis=0)
-    bright = powers[0] > np.quantile(powers[0], 1 - BRIGHT)
-    elsewhere = powers[1, ~bright].mean()
-    return powers[1, bright].mean() / elsewhere if bright.any() and elsewhere > 0 else 1.0
+    return powers
+
+
+def contrast(foreground, residual):
+    """Power of a residual on the lines of sight where the foreground is brightest, over that elsewhere.
+
+    HI and noise know nothing of the foreground: of these it is 1. Of `line_powers`.
+    """
+    bright = foreground > np.quantile(foreground, 1 - BRIGHT)
+    elsewhere = residual[~bright].mean()
+    return residual[bright].mean() / elsewhere if bright.any() and elsewhere > 0 else 1.0

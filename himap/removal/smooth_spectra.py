@@ -22,6 +22,7 @@ _ROUNDING = 1e-7  # of a float32 map
 _LEVEL_ORDER = 3  # of the polynomial in frequency that the logarithm of the variance is
 _POWER_ORDER = 3  # of that in k / (k + _SCALE) that the logarithm of the power is
 _SCALE = 0.3  # 1/MHz: channels a few MHz apart hold nearly the same HI; about there its power bends
+_CLOSEST = 4  # times as close as in the mean: what channels are nearer counts as that
 _MOST_STEPS = 50  # of a fit; it takes 5 to 10
 _SMALL = 1e-9  # change of a logarithm
 _STEEPEST = 1e4  # largest over median eigenvalue of the covariance of HI and noise: about 100 at the lowest l
@@ -80,11 +81,12 @@ class SmoothSpectra(ForegroundRemover):
         maps, freqs, modes = data.centred, data.freqs, data.modes
         rounding = _ROUNDING**2 * np.mean(np.square(maps, dtype=np.float64)) * 4 * np.pi / maps.shape[1]
         seen = smooth_seen(data, self.n_smooth)
+        share = 1 if data.inside is None else data.inside.mean()
         edges, bands = multipole_bands(len(seen) - 1), []
         for first, last in progress(edges, self.name):
             blocks = [np.array(modes.at(degree)) for degree in range(first, last + 1)]
             try:
-                bands.append(_settled(blocks, seen[first : last + 1], freqs, rounding, self.n_sources))
+                bands.append(_settled(blocks, seen[first : last + 1], freqs, rounding, self.n_sources, share))
             except np.linalg.LinAlgError:
                 raise InputError(
                     f"HI and {self.n_smooth} smooth functions cannot be separated over "
@@ -106,11 +108,12 @@ class SmoothSpectra(ForegroundRemover):
         )
 
 
-def _settled(data, seen, freqs, rounding, n_sources):
+def _settled(data, seen, freqs, rounding, n_sources, share):
     """One band of multipoles, in turns until the covariance C of HI and noise settles.
 
     Of X_l, a list of (n_channels, 2 l + 1), and diag(H_l) B, (n_l, n_channels, n_smooth); `rounding` is the
-    variance of that of maps, mK^2. Returns W_l and C, as in `SpectralFilter`, the amplitudes of the
+    variance of that of maps, mK^2, `share` that of the sky that is seen, and of the modes that are
+    independent. Returns W_l and C, as in `SpectralFilter`, the amplitudes of the
     foreground in B, (n_smooth, n_modes), whether C settled, and the number of turns. C has not settled on HI
     where it is as steep as a foreground: with few channels in a narrow band, or more spectra than n_sources.
     """
@@ -126,7 +129,10 @@ def _settled(data, seen, freqs, rounding, n_sources):
     converged, n_turns, n_removed = False, 0, n_smooth
     while not converged and n_turns < _MOST_TURNS:
         n_turns += 1
-        axes, products = _foreground_axes(data, seen, faint, n_sources), 0  # of HI and noise given the data
+        axes, products = (
+            _foreground_axes(data, seen, faint, n_sources, share),
+            0,
+        )  # of HI and noise given the data
         spectra = seen @ axes
         for one, estimator, block in zip(spectra, wiener_estimators(spectra, faint), data, strict=True):
             rest = block - one @ (estimator @ block)
@@ -137,13 +143,13 @@ def _settled(data, seen, freqs, rounding, n_sources):
         converged = bool(np.linalg.norm(faint - before) <= _SETTLED * np.linalg.norm(before))
     values = np.linalg.eigvalsh(before)
     converged &= bool(values[-1] < _STEEPEST * np.median(values))
-    axes = _foreground_axes(data, seen, before, n_sources)
+    axes = _foreground_axes(data, seen, before, n_sources, share)
     estimators = wiener_estimators(seen @ axes, before)
     amplitudes = [axes @ (one @ block) for one, block in zip(estimators, data, strict=True)]
     return seen @ axes, before, np.hstack(amplitudes), converged, n_turns
 
 
-def _foreground_axes(data, seen, faint, n_sources):
+def _foreground_axes(data, seen, faint, n_sources, share):
     """Axes of the foreground in the smooth functions, of sources of unit variance, (n_smooth, n_sources)."""
     n_modes = sum(block.shape[1] for block in data)
     weighted = np.linalg.inv(faint) @ seen
@@ -156,7 +162,7 @@ def _foreground_axes(data, seen, faint, n_sources):
     root = np.linalg.cholesky(noise / n_modes)
     values, axes = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, signal / n_modes).T))
     values, axes = values[::-1][:n_sources], axes[:, ::-1][:, :n_sources]
-    return root @ (axes * np.sqrt(shrunk_variance(values, len(axes) / n_modes)))
+    return root @ (axes * np.sqrt(shrunk_variance(values, len(axes) / (share * n_modes))))
 
 
 def smooth_basis(freqs, n_smooth):
@@ -216,23 +222,24 @@ def faint_covariance(products, freqs, n_removed):
     `n_removed` smooth spectra that were subtracted: the power below half a wave more in the band is not
     looked at. The result is positive definite.
     """
-    n_channels = len(freqs)
-    places = (freqs - freqs[0]) / (freqs[-1] - freqs[0]) * (n_channels - 1)
+    # Waves up to Nyquist's of the closest channels: of fewer, channels that are close would be one.
+    band, closest = freqs[-1] - freqs[0], max(np.diff(freqs).min(), np.diff(freqs).mean() / _CLOSEST)
+    n_waves = 1 + int(np.ceil(band / closest - _ROUNDING))
+    waves, places = np.arange(n_waves), (freqs - freqs[0]) / band * (n_waves - 1)
     levels = np.sqrt(_smooth(np.diag(products), places, _LEVEL_ORDER))
-    waves = np.arange(n_channels)  # half of them in the band, from none up to Nyquist's
     # A periodogram with a sine taper, so that what is bright at small k stays there.
-    taper = np.sin(np.pi * (places + 0.5) / n_channels)
-    transform = np.exp(-1j * np.pi / n_channels * np.outer(waves, places)) * taper
+    taper = np.sin(np.pi * (places + 0.5) / n_waves)
+    transform = np.exp(-1j * np.pi / n_waves * np.outer(waves, places)) * taper
     correlation = products / np.outer(levels, levels)
     power = np.sum((transform @ correlation) * transform.conj(), axis=1).real / np.sum(taper**2)
-    k = np.pi * waves / (freqs[-1] - freqs[0])
-    first = max(0, min(n_removed + 1, n_channels - _POWER_ORDER - 1))
+    k = np.pi * waves / band
+    first = max(0, min(n_removed + 1, n_waves - _POWER_ORDER - 1))
     weights = _smooth(power, k / (k + _SCALE), _POWER_ORDER, first)
     weights[[0, -1]] /= 2  # the trapezoidal rule in k
-    even = np.allclose(np.diff(places), 1)
+    even = n_waves == len(freqs)
     lags = places if even else np.abs(places[:, None] - places).ravel()
-    rows = np.cos(np.pi / (n_channels - 1) * np.outer(lags, waves)) @ weights / weights.sum()
-    return np.outer(levels, levels) * (toeplitz(rows) if even else rows.reshape(n_channels, -1))
+    rows = np.cos(np.pi / (n_waves - 1) * np.outer(lags, waves)) @ weights / weights.sum()
+    return np.outer(levels, levels) * (toeplitz(rows) if even else rows.reshape(products.shape))
 
 
 def log_fit(design, values):

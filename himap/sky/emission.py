@@ -37,7 +37,7 @@ class PowerLaw:
 def emission_modes(components, freqs):
     """The sum of `components` as a short sum of spectra times maps.
 
-    It is exact to 1e-12 of the brightness at 900 to 1400 MHz, and to 1e-9 from 240 MHz on.
+    It is exact to 1e-11 of the brightest pixel at 900 to 1400 MHz, and to 1e-9 from 240 MHz on.
 
     With x = ln(nu / nu_0) in the middle of the band and the index beta in the middle of its range,
     (nu / nu_0)^index = (nu / nu_0)^beta sum_n x^n (index - beta)^n / n!, which ends after some ten terms. So

@@ -20,7 +20,7 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 from himap.core.errors import InputError
 from himap.core.files import cache_folder, check_private, is_abandoned, make_private, unfinished_name
@@ -215,6 +215,22 @@ def _delete(path):
     return True
 
 
+def _in_use(unfinished):
+    """Whether a process works in a `workplace`; one that writes a result goes on without its folder."""
+    lock = unfinished.with_name(f"{unfinished.name}.lock")
+    if not lock.is_file():
+        return False
+    held = FileLock(lock, blocking=False, fallback_to_soft=False)
+    try:
+        held.acquire()
+    except Timeout:
+        return True
+    except OSError:  # no locks on this file system
+        return False
+    held.release()
+    return False
+
+
 def _identity(file):
     status = file.stat()
     return str(file), status.st_mtime_ns, status.st_size
@@ -271,7 +287,7 @@ def cache_info():
 
 
 def clear_cache(entries=None):
-    """Delete results, of which there is a `CacheEntry` each; default all.
+    """Delete results, of which there is a `CacheEntry` each; default all. A `workplace` in use stays.
 
     Returns
     -------
@@ -284,6 +300,7 @@ def clear_cache(entries=None):
         Some cannot be deleted.
     """
     entries = cache_info() if entries is None else entries
+    entries = [entry for entry in entries if entry.product != _UNFINISHED or not _in_use(entry.path)]
     kept = [entry for entry in entries if not _delete(entry.path)]
     if kept:
         raise InputError(

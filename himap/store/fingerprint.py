@@ -26,6 +26,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
+from himap.core.errors import InputError
 from himap.store.sources import ROOT, RUN, digest_of, is_ignored, is_look, parse, parse_cells
 from himap.store.syntax import IMPORTS, bound_name
 
@@ -40,7 +41,13 @@ _FOLDER, _CELLS = "__path__", "<cells>"
 
 def stored_dict(path):
     """What `ACCEPTED` or `PROBES` holds; nothing where there is no checkout."""
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    try:
+        return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    except ValueError as error:
+        raise InputError(
+            f"{path} is no JSON ({error}), perhaps after a merge: restore it with `git checkout`, and run "
+            "`himap verify`."
+        ) from None
 
 
 def accepted_version():

@@ -1,10 +1,21 @@
-"""The options that the commands of `himap` for cubes share."""
+"""What the commands of `himap` for cubes share: options, the files that they read and write, remarks."""
+
+import functools
+import time
+import warnings
+from types import SimpleNamespace
 
 import click
 from click import option
 
-from himap.app.cli.shared import NamesOption, debug, overwrite_option
+from himap.app.cli.shared import NamesOption, debug, named_values, overwrite_option, with_options
+from himap.app.parameters import parse_texts
+from himap.core.errors import InputError, plain_text
+from himap.core.files import atomic_files
+from himap.core.reading import is_file, regular_file
 
+_READING = ("freqs", "unit", "order", "frame", "rotate", "maps_name", "freqs_name", "axes")
+_FILES = ("path", "truth", "beam", "freqs", "mask", "weights", "flags")
 METHOD = option("--method", cls=NamesOption, required=True, metavar="NAME")
 WEIGHTS = (
     option("--weights", metavar="FILE", help="Hits or inverse variances, 0 where not seen."),
@@ -64,3 +75,69 @@ COMMON = (
     ),
     debug,
 )
+
+
+def cube_command(*options, short_help=None):
+    """Decorator: a command for CUBE with these options and those that all have.
+
+    It gets them in one namespace, with `reading` those of `read_cube`, `weighed` the weights and flags,
+    `parameters` of the method, `peaks` to mask, `inputs` all files that it reads, or what may be such, when
+    it `started`, the sentences that were `said`, and the `tables` to print at the end.
+    """
+
+    def decorate(function):
+        @functools.wraps(function)
+        def command(**given):
+            from himap.removal.base import SeparationWarning
+
+            asked = SimpleNamespace(**given, said=[], tables=[], started=time.monotonic())
+            asked.peaks = not given["keep_peaks"]
+            asked.reading = {name: given[name] for name in _READING}
+            names = ("weights", "flags")
+            asked.weighed = {name: given[name] for name in names if given.get(name) is not None}
+            asked.parameters = parse_texts([], named_values(given["pairs"]))
+            if "name" in asked.parameters:
+                raise InputError("no method has a parameter called name; --method says which method.")
+            values = [value for value in asked.parameters.values() if isinstance(value, str)]
+            files = [*map(given.get, _FILES), *given.get("mocks", ())]
+            files += [regular_file(value) for value in values if is_file(value)]
+            asked.inputs = [file for file in files if file is not None]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and remarks do
+                function(asked)
+
+        path = click.argument("path", metavar="CUBE")
+        return click.command(short_help=short_help)(with_options(path, *options, *COMMON)(command))
+
+    return decorate
+
+
+def tell(asked, *sentences):
+    """Say sentences on standard error, whatever the names in them, and keep them for what is written."""
+    for sentence in sentences:
+        click.echo(plain_text(sentence), err=True)
+        asked.said.append(sentence)
+
+
+def output_of(asked, endings=(), page=True):
+    """The checked path of the output, None where there is none."""
+    from himap.cubes.writing import check_output
+
+    more = {"overwrite": asked.overwrite, "inputs": asked.inputs, "endings": endings, "page": page}
+    return None if asked.output is None else check_output(asked.output, **more)
+
+
+def write_and_say(asked, files, write, *, remarks=()):
+    """Write all `files` or none, ``write(*temporary names)``; then print tables, remarks and their names.
+
+    In this order, so that nothing is lost where nobody reads what is printed.
+    """
+    if files:
+        with atomic_files(*files) as temporary:
+            write(*temporary)
+    for table in asked.tables:
+        click.echo(table)
+    tell(asked, *remarks)
+    if files:
+        took = time.monotonic() - asked.started
+        click.echo(f"{plain_text('  '.join(map(str, files)))}  ({took:.0f} s)")

@@ -18,7 +18,8 @@ from himap.core.errors import InputError
 from himap.figures.tables import Table
 from himap.store.fingerprint import CodeTree
 from himap.store.provenance import Provenance
-from himap.store.sources import LOADED
+from himap.store.sources import LOADED, digest_of
+from himap.store.store import describe
 
 _MOST_SOURCES = 10_000
 _USUAL_WIDTH = 120  # columns of an output that is no terminal
@@ -26,6 +27,7 @@ _NARROWEST = 16  # columns of a text
 _OF_HEAD = 8  # least columns of a number, which its head is broken into
 _SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
 _AMOUNTS = ("n_realisations", "n_restarts", "n_mocks")  # that are always stored
+_GROW = _AMOUNTS[:2]  # of a record
 _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself
 
 
@@ -58,8 +60,8 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     himap measure claims --preset laptop -p galaxy=templates -p template_dir=maps
     """
     # Imported here: other commands need not wait for what does the work.
-    from himap.paper.experiments import find_experiment
-    from himap.paper.record import Record, measuring_code, restarts_of
+    from himap.paper.experiments import find_experiment, measuring_code
+    from himap.paper.record import Record
 
     experiment = find_experiment(name)
     path = grow if check is None else check
@@ -75,6 +77,9 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         path = check_output(default if output is None else Path(output), suffix=".json", overwrite=overwrite)
     started = time.monotonic()
     skies = experiment.skies(**chosen)
+    # With one realisation and restart: a record may grow. Defaults and files that it reads are in it.
+    first = describe(experiment.skies(**chosen | {one: 1 for one in _GROW if one in chosen})[0])
+    first = first.replace(repr(chosen.get("template_dir")), "")  # what its files hold counts
     stated = {one: chosen[one] for one in (*_AMOUNTS, *experiment.stated) if one in chosen}
     stated |= {one: value for one, value in given.items() if one not in _OF_PROVENANCE}
 
@@ -83,7 +88,8 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         made = Provenance.of(skies[0].survey, **options, started=since)
         # The code that ran, whatever was edited in the hours since.
         code = measuring_code(name, CodeTree(texts=LOADED))
-        return asdict(made) | {"galaxy_files": skies[0].galaxy.digest(), "code": code}
+        files = {"galaxy_files": skies[0].galaxy.digest(), "first_sky": digest_of([first])}
+        return asdict(made) | files | {"code": code}
 
     if check is not None:
         record.check_parameters(about(started))
@@ -99,7 +105,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         return
     if record is None:
         rows = experiment.table(skies)
-        stated |= restarts_of(rows)
+        stated |= experiment.restarts_of(rows)
         record = Record(experiment=experiment, rows=rows, about=about(started))
         record.save(path)
     else:

@@ -3,8 +3,9 @@
 from importlib import import_module
 
 from himap.core.errors import InputError
+from himap.store.fingerprint import CodeTree
 
-__all__ = ["EXPERIMENTS", "find_experiment"]
+__all__ = ["EXPERIMENTS", "find_experiment", "measuring_code"]
 
 EXPERIMENTS = (
     "authors",
@@ -32,3 +33,9 @@ def find_experiment(name):
     if name not in EXPERIMENTS:
         raise InputError(f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}.")
     return import_module(f"{__name__}.{name}").EXPERIMENT
+
+
+def measuring_code(name, tree=None):
+    """Fingerprint of the code that measures the experiment `name`, as on disk or in a `CodeTree`."""
+    source = f"from himap.paper.experiments.{name} import measure, skies"
+    return (tree or CodeTree()).source_fingerprint(source)

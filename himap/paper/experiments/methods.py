@@ -58,7 +58,9 @@ def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
     there = {remover.name for _, removers in observed for remover in removers}
     if unknown := {*map(str, corrected)} - there:
         absent, present = (", ".join(sorted(names)) for names in (unknown, there))
-        raise InputError(f"to be corrected is {absent}, but the methods are {present}.")
+        raise InputError(
+            f"corrected names {absent}, but the methods are {present}: give some of these, or []."
+        )
     return grid.skies_of(*observed, n_mocks=n_mocks, corrected=tuple(corrected))
 
 
