@@ -294,7 +294,8 @@ Markdown(picture(large, "fig-ns-scan-mse", folder))
 # **The result is sensitive to the number of sources, and in {glue:text}`answer_optimum` of the members the
 # relative total error is least at 5, 6 or 7** (a main part of N4; with a logarithmic or absolute error in
 # {glue:text}`answer_optimum_logarithmic` and {glue:text}`answer_optimum_absolute`). With too few the residual contains foreground; with too many
-# PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scan of the ledger ends at 8.
+# PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scan of the ledger ends at 8;
+# in one to 20 ({ref}`scan-to-20`) N2, that 10 and more are worse, is *{glue:text}`15_claims.ipynb::claims_scan_n2:s`*.
 # {doc}`22_how_many` chooses the number without the truth.
 #
 # ## 5. Masks

@@ -217,6 +217,7 @@ Markdown(choices_table(run, [Record.load(EXPERIMENT, LEDGER), *changed]))
 
 # %% tags=["hide-input"]
 longer = read_ledger(LEDGER.with_name("restarts_laptop_scan.json"))
+quote(claims_scan_n2=next(entry.verdict for entry in longer[0] if entry.claim.id == "N2"))
 Markdown(ledgers_table([(recorded, about), longer], lambda several: several[0].claim.section == "4.3"))
 
 # %% [markdown]

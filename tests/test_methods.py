@@ -26,12 +26,13 @@ def test_another_beam_gets_the_row_of_the_oscillating_one():
 
 
 def test_the_reading_of_the_ripple():
-    beams = paper_beams(ripple="additive")
-    assert beams["oscillating"] == beams.get(" Oscillating") == Oscillating(ripple="additive")
-    assert beams.get("meerkat") is None
+    assert paper_beams(ripple="additive")["oscillating"] == Oscillating(ripple="additive")
 
 
-def test_a_method_is_the_same_however_its_name_is_spelled():
+def test_beam_and_method_are_the_same_however_their_names_are_spelled():
+    ripple = {"ripple": "additive", "preset": "ci", "n_realisations": 1}
+    cases = [cases_and_methods(beam=name, **ripple)[0] for name in ("oscillating", "Oscillating")]
+    assert cases[0] == cases[1] and cases[0][0].beam == Oscillating(ripple="additive")
     settings = {"beam": "evolving", "reading": "code", "preset": "ci", "n_realisations": 1}
     found = [cases_and_methods(methods=[(name, 4)], **settings)[1] for name in ("sdecgmca", "SDecGMCA")]
     assert found[0] == found[1] == [sdecgmca_for(Evolving(), n_sources=4, reading="code")]

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
+from himap.core.registry import plain_name
 from himap.core.survey import Survey
 from himap.figures import styles
 from himap.instrument.beams import named
@@ -90,7 +91,7 @@ def cases_and_methods(
     number of sources), None for one that has no number. Settings, and what is refused, are as of `cases_of`;
     so is a survey with a taper.
     """
-    selected = paper_beams(ripple=ripple).get(beam) or named(beam)
+    selected = paper_beams(ripple=ripple).get(plain_name(beam)) or named(beam)
     cases, removers = cases_of(selected, **settings), []
     cases[0].survey.check_untapered()
     for pair in methods:

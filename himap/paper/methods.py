@@ -3,7 +3,6 @@
 from dataclasses import fields
 
 from himap.core.errors import InputError
-from himap.core.registry import plain_name
 from himap.instrument.beams.paper import Degraded, Evolving, Oscillating
 from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
 
@@ -18,17 +17,10 @@ BSS = ("pca", "fastica", "gmca", "sdecgmca")
 """The methods of blind source separation; the others are fits along lines of sight."""
 
 
-class _ByName(dict):
-    """{name: `Beam`}, whose `get` takes a name as `himap.instrument.beams.named` does, such as "Degraded"."""
-
-    def get(self, name, default=None):
-        return super().get(plain_name(name), default)
-
-
 def paper_beams(*, ripple="bracket"):
     """The three beams of the paper, {name: `Beam`}; `ripple` is the reading of the oscillating one."""
     beams = Degraded(), Evolving(), Oscillating(ripple=ripple)
-    return _ByName({beam.name: beam for beam in beams})
+    return {beam.name: beam for beam in beams}
 
 
 def table_1(beam):
