@@ -263,8 +263,8 @@ Markdown(ledgers_table([(recorded, about), longer], lambda several: several[0].c
 #   the lines of sight with the brightest foreground make the peak holds in all members for PCA/ICA and GMCA.
 # - M3, M4: each method has the mask of its own errors. The paper's "same masking procedure" can also mean the
 #   mask of SDecGMCA for all methods, which was not tested.
-# - D2, E5: $k_\nu$ are evenly spaced, so that fewer than 5 % of them are below 0.1, and a part that asks for
-#   95 % can hold with a deviation there; D1 is the same at the lowest $\ell$. The polynomial fit deviates by
+# - D2, E5: $k_\nu$ are evenly spaced, so that few of them are low, and a part that asks for 95 % of them can
+#   hold although all of these deviate; D1 is the same at the lowest $\ell$. The polynomial fit deviates by
 #   more than 10 % at both low ends ({doc}`07_polynomial`). The paper's sentence behind E5 is about
 #   $k_\nu < 0.1$, where the ratio of the two beams is lower than the claim's number says.
 # - E3: that the excess in $P/P_0$ is to be seen at $0.1 < k_\nu < 0.2$ alone is read from "below"; the paper's

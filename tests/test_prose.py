@@ -43,7 +43,7 @@ DEFINED = {
     "notebooks/12_post_masking.py": "84 %, 99.9 %, 15°, 95 %, 25 %, 10 %, 180°",
     "notebooks/13_dimmed_galaxy.py": "10 %, 2 %, 30°",
     "notebooks/14_diagnostics.py": "1000 MHz",
-    "notebooks/15_claims.py": "84 %, 16 %, 95 %, 10 %, 1 %, 1.5 times, factor of 2, 1.001, 1.01",
+    "notebooks/15_claims.py": "84 %, 16 %, 95 %, 10 %, 20 %, 1 %, 1.5 times, factor of 2, 1.001, 1.01",
     "notebooks/16_readings.py": "0.31, 84 %",
     "notebooks/17_your_own_cube.py": "100 MHz, 10 %, 1 %",
     "notebooks/18_paper_size.py": "1 MHz, four times, 84 %",
