@@ -255,9 +255,8 @@ def expected_covariance(covariance, freqs, degree):
     values, axes = np.linalg.eigh(covariance)
     kept = values <= _BRIGHT * np.median(values)
     faint = axes[:, kept]
-    level = faint**2 @ np.maximum(
-        values[kept], 0
-    )  # not from `covariance`, with the rounding of the brightest
+    # Not from `covariance`, which has the rounding of the brightest.
+    level = faint**2 @ np.maximum(values[kept], 0)
     share = np.sum((faint @ (faint.T @ shape @ faint)) * faint, axis=1)
     deviation = np.sqrt(_smoothed(level / share))
     return np.outer(deviation, deviation) * shape

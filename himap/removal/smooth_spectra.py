@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import toeplitz
 
+from himap.core.checks import evenly_spaced
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
@@ -129,10 +130,8 @@ def _settled(data, seen, freqs, rounding, n_sources, share):
     converged, n_turns, n_removed = False, 0, n_smooth
     while not converged and n_turns < _MOST_TURNS:
         n_turns += 1
-        axes, products = (
-            _foreground_axes(data, seen, faint, n_sources, share),
-            0,
-        )  # of HI and noise given the data
+        axes = _foreground_axes(data, seen, faint, n_sources, share)
+        products = 0  # of HI and noise given the data
         spectra = seen @ axes
         for one, estimator, block in zip(spectra, wiener_estimators(spectra, faint), data, strict=True):
             rest = block - one @ (estimator @ block)
@@ -223,8 +222,9 @@ def faint_covariance(products, freqs, n_removed):
     looked at. The result is positive definite.
     """
     # Waves up to Nyquist's of the closest channels: of fewer, channels that are close would be one.
-    band, closest = freqs[-1] - freqs[0], max(np.diff(freqs).min(), np.diff(freqs).mean() / _CLOSEST)
-    n_waves = 1 + int(np.ceil(band / closest - _ROUNDING))
+    band, even = freqs[-1] - freqs[0], evenly_spaced(freqs)
+    closest = max(np.diff(freqs).min(), np.diff(freqs).mean() / _CLOSEST)
+    n_waves = len(freqs) if even else 1 + int(np.ceil(band / closest))
     waves, places = np.arange(n_waves), (freqs - freqs[0]) / band * (n_waves - 1)
     levels = np.sqrt(_smooth(np.diag(products), places, _LEVEL_ORDER))
     # A periodogram with a sine taper, so that what is bright at small k stays there.
@@ -236,7 +236,6 @@ def faint_covariance(products, freqs, n_removed):
     first = max(0, min(n_removed + 1, n_waves - _POWER_ORDER - 1))
     weights = _smooth(power, k / (k + _SCALE), _POWER_ORDER, first)
     weights[[0, -1]] /= 2  # the trapezoidal rule in k
-    even = n_waves == len(freqs)
     lags = places if even else np.abs(places[:, None] - places).ravel()
     rows = np.cos(np.pi / (n_waves - 1) * np.outer(lags, waves)) @ weights / weights.sum()
     return np.outer(levels, levels) * (toeplitz(rows) if even else rows.reshape(products.shape))
