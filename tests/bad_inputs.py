@@ -660,7 +660,7 @@ for n, (write, message) in enumerate(
 add("a parameter called name", "good.h5 -p name=x", "name")
 for value in ("0", "many", "1e999"):
     add(f"n_sources={value}", f"good.h5 -p n_sources={value}", "n_sources")
-add("more sources than channels", "good.h5 -p n_sources=30", "below the number of channels")
+add("more sources than channels", "good.h5 -p n_sources=30", "at most the number of channels")
 add("no noise", "good.h5 --method sdecgmca --beam evolving", "-p noise=0.04")
 add("restarts of what has none", "good.h5 --restarts 8", "leave restarts out")
 add("no restarts", "good.h5 --method sdecgmca --beam evolving --restarts 0", "restarts must be")
@@ -694,7 +694,7 @@ for words in ("--beam evolving", "--mocks image.fits", "--mocks 2"):
 for words in (f"--to {10**30}", "--from 24 --to 25"):
     add(f"suggest {words}", f"suggest good.h5 --keep-peaks {words}", "sources")
 add("suggest n_sources", "suggest good.h5 -p n_sources=3", "--from and --to")
-add("suggest for what has no sources", "suggest good.h5 --method polynomial", "no parameter 'n_sources'")
+add("suggest for what has no sources", "suggest good.h5 --method polynomial", "has no number of sources")
 add("suggest for what takes no flags", "suggest good.h5 --flags bl.npy --method gmca", "takes no weights")
 for command in ("suggest", "sensitivity", "transfer"):
     add(f"{command} to a picture", f"{command} good.h5 -o n.png", "the page is a .html file")

@@ -38,7 +38,7 @@ def address(cluster, monkeypatch):
 def test_errors_come_back(address, monkeypatch, tmp_path):
     monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))
     too_many = [(cleaned.assessment, (CASE, PCA(n_sources=30), True))]
-    with pytest.raises(InputError, match="n_sources must be below the number of channels, 20"):
+    with pytest.raises(InputError, match="n_sources must be at most the number of channels, 20"):
         make_all(too_many, "test")
 
 

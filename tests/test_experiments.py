@@ -45,7 +45,7 @@ USUAL = {
             for given, message in (
                 ({"methods": [["pca"]]}, "[name, number of sources]"),
                 ({"methods": ["pca"]}, "[name, number of sources]"),
-                ({"methods": [["pca", 17]]}, "below the number of channels"),
+                ({"methods": [["pca", 17]]}, "at most the number of channels"),
                 ({"methods": [["kpca", 3]]}, "unknown method"),
                 ({"methods": []}, "there must be methods"),
                 ({"n_realisations": 0}, "between 1 and 1000"),
@@ -94,7 +94,7 @@ USUAL = {
         ("n_sources", {"methods": []}, "there must be methods"),
         ("n_sources", {"methods": ["gnilc"]}, "no parameter 'n_sources'"),
         ("n_sources", {"n_sources_max": 1}, "between 2 and 100"),
-        ("n_sources", {"n_sources_max": 17}, "below the number of channels"),
+        ("n_sources", {"n_sources_max": 17}, "at most the number of channels"),
         ("n_sources", {"n_mocks": 0}, "between 1 and 1000"),
     ],
 )

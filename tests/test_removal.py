@@ -155,7 +155,7 @@ class TestContract:
         for value in (0, -1, 2.5, "three", True):
             with pytest.raises(InputError, match="n_sources"):
                 removal.create(name, n_sources=value)
-        with pytest.raises(InputError, match="below the number of channels, 30,"):
+        with pytest.raises(InputError, match="at most the number of channels, 30,"):
             removal.create(name, n_sources=31).check(len(FREQS))
 
 

@@ -159,6 +159,11 @@ def method_for(cube, method, *, beams=None, **parameters):
     check_pixels(cube, remover)
     n_channels, n_seen = cube.maps.shape
     remover.check(n_channels)
+    if getattr(remover, "n_sources", 0) == n_channels:
+        raise InputError(
+            f"n_sources must be below the number of channels, {n_channels}: as many hold all of the cube, HI "
+            "and noise too."
+        )
     by_line = hasattr(remover, "n_sources") and not remover.uses & {"sphere", "neighbours"}
     if by_line and n_seen < n_channels:  # a few of the spectra would explain all lines of sight
         raise InputError(

@@ -83,8 +83,8 @@ class ForegroundRemover(ABC):
         Raises
         ------
         InputError
-            Maps of different shapes; what is not valid by itself (`Data.of`), or not for this method: as many
-            sources as channels, missing beams or noise, weights that it does not take, pixels that are not
+            Maps of different shapes; what is not valid by itself (`Data.of`), or not for this method: more
+            sources than channels, missing beams or noise, weights that it does not take, pixels that are not
             a sphere where it needs one.
         """
         if given.get("weights") is not None:
@@ -134,10 +134,9 @@ class ForegroundRemover(ABC):
     def check(self, n_channels):
         """InputError, before any work, for parameters that do not fit maps of `n_channels` channels."""
         n_sources = getattr(self, "n_sources", 0)
-        if n_sources >= n_channels:
+        if n_sources > n_channels:
             raise InputError(
-                f"n_sources must be below the number of channels, {n_channels}, for as many hold all of the "
-                f"maps; got {n_sources}."
+                f"n_sources must be at most the number of channels, {n_channels}, got {n_sources}."
             )
         least = self.least_channels(n_channels)
         if n_channels < least:
