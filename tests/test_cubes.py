@@ -58,7 +58,8 @@ class TestCleaning:
         assert (found[:, ~kept] == hp.UNSEEN).all()
         history = "".join("".join(fits.getheader(tmp_path / "c.fits", 1)["HISTORY"]).split())
         table = (tmp_path / "c_mixing.txt").read_text()
-        for one in done.stderr.splitlines():
+        said = [one for one in done.stderr.splitlines() if not one.endswith(" remain")]  # progress, if slow
+        for one in said:
             assert "".join(one.split()) in history and f"# {one}\n" in table
 
     def test_a_cube_with_holes_by_a_method_that_looks_at_the_sky(self, maps, tmp_path):
