@@ -216,7 +216,7 @@ class TestCommands:
         for n, mocks in enumerate(("mock.h5", "1")):
             files = ["--flags", "flags.npy", "--mocks", mocks, "-o", f"out{n}.html"]
             outcome = run("transfer", "cube.h5", *words, *files)
-            assert "The beams, meerkat:band=L, have a FWHM of 1.4" in outcome.output
+            assert "The beams, meerkat:band=L, have a FWHM of 1.5" in outcome.output
 
 
 class TestImages:

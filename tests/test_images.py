@@ -35,7 +35,7 @@ class TestReading:
         assert len(cube.freqs) == N_CHANNELS - 1 and cube.mask.sum() == N_Y * N_X - 1
         assert not cube.mask[2 * N_X + 5] and not cube.whole_sky
         assert "1 of 20 channels have no data" in cube.remarks[0]
-        assert cube.remarks[1].startswith("99.5% of the image is seen in every channel")
+        assert cube.remarks[1].endswith("(99.5% of the image) are seen in every channel; the rest is masked.")
 
 
 @pytest.mark.usefixtures("no_pages")
