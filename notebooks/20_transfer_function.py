@@ -463,9 +463,7 @@ show_table(rows, columns=4)
 #   GMCA, PCA at `laptop`, and BeamSubspace with three sources on the real Galaxy.
 # - **The error bars of SmoothSpectra are too small** at `quick`, most with the synthetic Galaxy, and at
 #   `laptop` with the real one. Its means at the lowest $\ell$, with the synthetic Galaxy also at the lowest
-#   $k_\nu$, are too high. Its power there differs more between skies than between members of one sky. On two skies
-#   at `quick`, mocks cleaned with the true foreground in place of the drawn one scattered more and came out
-#   higher at the lowest $\ell$ and $k_\nu$: what is drawn lacks some foreground that is as faint as HI.
+#   $k_\nu$, are too high. Its power there differs more between skies than between members of one sky.
 # - **A source in which HI is as bright as the foreground is not corrected well.** BeamSubspace with four
 #   sources loses more HI at the lowest $k_\nu$ than the mocks say, most on the real Galaxy. The estimated
 #   foreground has the right power there but is a Gaussian field, and that of the Galaxy is not. With three

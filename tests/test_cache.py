@@ -134,8 +134,7 @@ def test_a_workplace_in_use_is_not_cleared(lab):
     with cache.workplace("base", "0" * 32, 10) as folder:
         (folder / "part").write_text("a")
         assert cache.clear_cache() == 0 and (folder / "part").exists()
-        raise_at_end = pytest.raises(KeyboardInterrupt)
-    with raise_at_end, cache.workplace("base", "0" * 32, 10) as folder:
+    with pytest.raises(KeyboardInterrupt), cache.workplace("base", "0" * 32, 10) as folder:
         (folder / "part").write_text("a")
         raise KeyboardInterrupt  # which leaves the folder for the next call
     assert (folder / "part").exists() and cache.clear_cache() == 1 and not folder.exists()

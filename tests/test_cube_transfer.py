@@ -382,4 +382,4 @@ def test_a_mock_with_foreground_is_remarked_on(cube, rng, tmp_path, factor):
     said = []
     path = write_hdf5(tmp_path / "mock.h5", (factor * cube.maps + blue(rng)).astype(np.float32))
     _ = list(read_mocks(cube, [path], tell=said.append))
-    assert any("mocks are HI and noise, no foreground" in one for one in said) == bool(factor)
+    assert any("mocks are HI and noise alone" in one for one in said) == bool(factor)

@@ -128,7 +128,6 @@ def test_the_help_lists_what_there_is():
         (lambda cube: clean_cube("a.h5", "pca"), "must be a Cube, as read_cube gives it, got str"),
         (lambda cube: clean_cube(cube, "pca", peaks="no"), "peaks must be True or False"),
         (lambda cube: clean_cube(cube, "fastica", n_sources=2, seed="x"), "seed must be a whole number"),
-        (lambda cube: clean_cube(cube, "sdecgmca", restarts=True), "needs .*beams"),
         (lambda cube: save_cleaned(cube, "a.h5"), "takes a CleanedCube, .* got Cube"),
         (lambda cube: write_report(None, "a.html"), "takes a CleanedCube, .* got NoneType"),
         (lambda cube: read_cube(np.zeros((3, 48))), "must be given by its path, got ndarray"),

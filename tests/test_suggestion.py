@@ -1,5 +1,6 @@
 """How many sources to remove: what `suggest` and `himap suggest` say of skies where it is known."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,10 @@ from himap.cubes import beams_of, clean_cube, read_cube, spectra, suggestion
 from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.paper.study import Study
+from himap.removal import available
+from himap.removal.base import REGISTRY
+
+COUNTED = [name for name in available() if "n_sources" in REGISTRY[name].__dataclass_fields__]
 
 
 def cube_of(folder, maps, freqs=FREQS):
@@ -159,3 +164,8 @@ def test_numbers_are_shown_as_they_were_given(rng, tmp_path):
     cube = cube_of(tmp_path, rng.standard_normal((24, N_PIX)).astype("f4"))
     with pytest.raises(InputError, match="got 5 to 3"):
         suggestion.suggest(cube, n_sources=range(5, 4))
+
+
+def test_the_help_has_the_methods_with_sources():
+    names = re.search(r"--method NAME\s+(.*?)\.", run("suggest", "--help").output, re.DOTALL)[1]
+    assert names.split() == [f"{name}," for name in COUNTED[:-1]] + COUNTED[-1:]

@@ -42,9 +42,10 @@ def read_mocks(cube, paths, *, tell=None, **reading):
             tell(f"{path}: {remark}")
         check_truth(cube, mock, f"{path}: a mock")
         maps = mock.maps[:, cube.mask[mock.mask]]
-        share = np.sqrt(np.mean(maps.var(axis=1)) / np.mean(cube.maps.var(axis=1)))
-        if tell and share > _BRIGHT:
-            tell(f"{path} has {share:.2g} times the rms of the cube: mocks are HI and noise, no foreground.")
+        if tell:
+            rms = [np.sqrt(np.mean([channel.var() for channel in one])) for one in (maps, cube.maps)]
+            if (share := rms[0] / rms[1]) > _BRIGHT:
+                tell(f"{path} has {share:.2g} times the rms of the cube: mocks are HI and noise alone.")
         yield maps
 
 

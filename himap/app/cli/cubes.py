@@ -222,7 +222,7 @@ def _mocks(cube, beams, asked):
 
 @cube_command(
     option(
-        *("--method",),
+        "--method",
         cls=NamesOption,
         less=_WITHOUT_SOURCES,
         default="pca",
