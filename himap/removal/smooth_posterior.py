@@ -175,26 +175,27 @@ def _axes(roots, totals, n_modes, n_exact):
     """Axes of the foreground in amplitudes of which HI and noise have the covariance 1, of each band, a list.
 
     Of R of the bands, and the covariances of all, (n_smooth, n_smooth) each. Axes that are bright in a band
-    are its own. Beyond these its foreground is the mean of the bands around it, weighted with their modes but
-    none with more than its own, so that what is fainter at higher l hardly counts. After the first `n_exact`
-    the covariance of amplitudes is that of the last of these times a factor, by least squares, but at most 1,
-    as no foreground gets brighter with l.
+    are its own. Beyond these its foreground is the mean of the bands around it, of what each of them has
+    beyond as many axes, bright or not, weighted with their modes but none with more than its own, so that
+    what is fainter at higher l hardly counts. After the first `n_exact` the covariance of amplitudes is that
+    of the last of these times a factor, by least squares, but at most 1, as no foreground gets brighter with
+    l.
     """
-    own, rest, excess, several = [], [], [], []
-    for total, n in zip(totals[:n_exact], n_modes[:n_exact], strict=True):
-        values, axes = np.linalg.eigh(total)
-        variances = signal_variance(values, len(values) / n)
-        own.append(axes[:, variances > 0] * np.sqrt(variances[variances > 0]))
-        rest.append(axes[:, variances == 0])
-        excess.append(rest[-1] @ (np.diag(values[variances == 0] - 1) @ rest[-1].T))
-    for place in range(n_exact):
+    eigen, several = [np.linalg.eigh(total) for total in totals[:n_exact]], []
+    for place, (values, axes) in enumerate(eigen):
+        variances = signal_variance(values, len(values) / n_modes[place])
+        n_rest = np.sum(variances == 0)
         around = slice(max(0, place - _REACH), min(place + _REACH + 1, n_exact))
         modes = np.array(n_modes[around], dtype=float)
         weights = np.minimum(modes, n_modes[place])
         weights /= weights.sum()
-        values, axes = np.linalg.eigh(rest[place].T @ np.tensordot(weights, excess[around], 1) @ rest[place])
-        variances = signal_variance(1 + values, len(values) * np.sum(weights**2 / modes))
-        several.append(np.hstack([own[place], rest[place] @ axes * np.sqrt(variances)]))
+        near = zip(weights, eigen[around], strict=True)
+        excess = sum(w * (a[:, :n_rest] * (v[:n_rest] - 1)) @ a[:, :n_rest].T for w, (v, a) in near)
+        rest = axes[:, :n_rest]
+        faint, turn = np.linalg.eigh(rest.T @ excess @ rest)
+        faint = signal_variance(1 + faint, n_rest * np.sum(weights**2 / modes))
+        bright = axes[:, n_rest:] * np.sqrt(variances[n_rest:])
+        several.append(np.hstack([bright, rest @ turn * np.sqrt(faint)]))
     last = roots[n_exact - 1] @ several[-1]
     for root, total in zip(roots[n_exact:], totals[n_exact:], strict=True):
         beyond = root @ (total - np.eye(len(total))) @ root.T
