@@ -179,7 +179,7 @@ Table(head, CRIME, align="l" + 5 * "r")
 # reduces the share of voxels beyond $5\,\sigma$ of their line of sight ({doc}`03_peak_masking`) from
 # {glue:text}`simulations_flagged` to {glue:text}`simulations_flagged_smooth`, and the brightest voxel from
 # {glue:text}`simulations_peak` to {glue:text}`simulations_peak_smooth`. Before the beam $P(k_\nu)$ at
-# $k_\nu < 0.3$ is reduced to {glue:text}`simulations_smooth_low`, and $C_\ell$ at
+# $k_\nu < 0.3$ MHz$^{-1}$ is reduced to {glue:text}`simulations_smooth_low`, and $C_\ell$ at
 # {glue:text}`simulations_small` to {glue:text}`simulations_smooth_small`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-smoothing", "caption": "Power spectra of HI before the beam, without smoothing of the density and with 2 Mpc/h: angular, averaged over channels (left), and frequency (right); 1320 to 1400 MHz, smaller box, finer cells. Smoothing reduces the power on all scales, most on small ones."}}
@@ -498,7 +498,7 @@ stamped(plotting.lines(panels))
 # The contrast between the Galaxy and HI is largest at low $\ell$. The paper's “over four” orders of magnitude
 # and “up to five”, even at high latitudes, are of temperatures and twice as many in $C_\ell$
 # ({doc}`15_claims` has the measured ratio, and {doc}`18_paper_size` that of the paper's box, in which HI is
-# brighter).
+# brighter and the ratio just below four orders).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of all components in the channel in the middle of the band, before beam and noise."}}
 middle_maps = {

@@ -252,7 +252,7 @@ both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods 
 angular_figure(study, both)
 
 # %% [markdown]
-# At $k_\nu < 0.03$ the power of GMCA is {glue:text}`gmca_evolving_slow` above that of PCA (evolving) and
+# At $k_\nu < 0.03$ MHz$^{-1}$ the power of GMCA is {glue:text}`gmca_evolving_slow` above that of PCA (evolving) and
 # {glue:text}`gmca_oscillating_slow` times it (oscillating); its peak at the ripple is
 # {glue:text}`gmca_oscillating_peak` times as high.
 
@@ -337,7 +337,8 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 #
 # - With the oscillating beam GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA.
 #   With the evolving beam the two are close on this sky; on the real Galaxy GMCA has an excess at the lowest
-#   $\ell$, and not at the intermediate $\ell$ of the paper (claim E3, {doc}`15_claims`).
+#   $\ell$, up to about 20 at the paper's size; over the intermediate $\ell$ of the paper its mean is not
+#   that of a clear excess (claim E3, {doc}`15_claims`).
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, single sources are not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #

@@ -219,7 +219,7 @@ show(study.band_numbers(removers))
 # beyond the order, and signal loss, from those of the signal up to it. The total is near its minimum where
 # the two cross; with the oscillating beam they do not.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of foreground residual and signal loss for the three beams over that of the truth, against the order plus one. Channel means removed, no clipping. The degraded and the evolving beam coincide except at the lowest orders."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of the foreground residual for the three beams, and of the signal loss for the oscillating one, over that of the truth, against the order plus one. Channel means removed, no clipping. The degraded and the evolving beam hardly differ."}}
 top = int(0.6 * len(freqs))
 scan = np.arange(top + 1)
 

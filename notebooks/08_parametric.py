@@ -198,8 +198,8 @@ quote(
 # ## The residual
 #
 # With the degraded beam it is at the level of HI. Through the evolving beam sources near a line of sight fade
-# or brighten with frequency, as no power law does, and the residual is smooth and large. The oscillating beam
-# adds its ripple.
+# or brighten with frequency, as no power law does, and the residual is smooth and, in the plane, large. The oscillating
+# beam adds its ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "Residual of the parametric fit along two lines of sight (Galactic latitude 0, top, and 60 degrees, bottom), for the three beams, and HI plus noise. The scales differ."}}
 panels = []

@@ -248,7 +248,7 @@ whole = whole | {"ylim": None, "title": "full range"}
 # bands of two neighbouring $n_s$ overlap, the restarts do not separate them. This error does not show
 # foreground residual that compensates signal loss ({doc}`23_thresholds`); the mean $r$ in the last table does.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (of SDecGMCA for each restart), for SDecGMCA (the paper's Fig. 3) and PCA. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Thin dashed and dotted: the two spectra, medians of the restarts. Right: near the minimum; higher errors are cut off."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (of SDecGMCA for each restart), for SDecGMCA (the paper's Fig. 3) and PCA. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Thin dashed and dotted: the two spectra; of several restarts the medians. Right: near the minimum; higher errors are cut off."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
 
 # %% tags=["hide-input"]

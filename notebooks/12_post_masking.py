@@ -377,7 +377,7 @@ both_figure(study, selected, curves_of(fits))
 
 # %% [markdown]
 # The table has, before and after, the mean of $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, the highest $P/P_0$
-# near $k_\nu = 0.31$, and the mean of $|C/C_0 - 1|$ for $2 \le \ell \le 200$ (or $2\,N_\mathrm{side}$), in
+# near $k_\nu = 0.31$ MHz$^{-1}$, and the mean of $|C/C_0 - 1|$ for $2 \le \ell \le 200$ (or $2\,N_\mathrm{side}$), in
 # the same bins.
 
 

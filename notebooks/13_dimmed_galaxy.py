@@ -145,7 +145,8 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # With the dimmed Galaxy PCA, FastICA, GMCA and restarts of SDecGMCA that do not fail are within the grey band
 # at most $\ell$; GMCA has an excess at the lowest. PCA, FastICA and GMCA have a peak near
 # $k_\nu = 0.31$ MHz$^{-1}$, and so can SDecGMCA.
-# Both fits exceed the truth by orders of magnitude on most scales.
+# The parametric fit exceeds the truth by an order of magnitude or more on most scales; the polynomial by less
+# at most $k_\nu$ and at low $\ell$, and most near $k_\nu = 0.04$ MHz$^{-1}$, at the ripple and at high $\ell$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 ensembles = {

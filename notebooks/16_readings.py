@@ -30,7 +30,8 @@
 #
 # - **default**: of the readings under which, within the scatter, most of the paper's statements hold, the one
 #   closest to the text, by a [rule](readings-default): the letter, continued beyond $\ell = 200$ by least squares without $\epsilon$.
-# - **letter**: contradicts no statement of the text up to $\ell = 200$, where it ends, and so has no spurious
+# - **letter**: contradicts no statement of the text up to $\ell = 200$, but for three points that all readings
+#   share ([conventions](../book/conventions.md)); there it ends, and so has no spurious
 #   peak beyond, which the paper mentions (Sect. 4.2); usual choices where the text is silent.
 # - **code**: the steps of the public code of {cite:t}`carloni2021` with the paper's Table 1, the beam as in its example, and no thresholds in the last $\mathbf{S}$.
 # - **code-rounding**: the same with the eigenvalues of the last $\mathbf{S}$ floored at rounding, instead of $10^{-9}$ of the largest.
@@ -105,7 +106,7 @@ Markdown(f"*{made.footer()}*")
 #   has the choices that change them, or restarts that do: {ref}`another run <other-choices>` of one reading
 #   changes several verdicts too. Claims that one choice alone changes: {glue:text}`readings_one`.
 #
-# {glue:text}`readings_deciders_n` single changes of the default change a verdict:
+# {glue:text}`readings_deciders_n` single changes of the default decide whether a claim holds:
 # {glue:text}`readings_deciders`. With few runs of each, other restarts may be the cause. Changes without
 # effect: {glue:text}`readings_idle`. For {glue:text}`readings_unmoved_n` claims every reading
 # gives the same number, or none: {glue:text}`readings_unmoved`. Undecided under the default:
@@ -171,7 +172,7 @@ def verdict(label, claim):
     return judged[claim].verdict if claim in judged else ""
 
 
-several = "several choices at once"
+several = "no single one"
 rows = [
     (
         claim,
@@ -181,7 +182,7 @@ rows = [
     )
     for claim in places[SOME]
 ]
-Table(["claim", "statement", *READINGS, "choices whose run has another verdict than the default"], rows)
+Table(["claim", "statement", *READINGS, "single choices by which it holds, or no longer holds"], rows)
 
 # %% [markdown]
 # (readings-claims)=
@@ -392,7 +393,7 @@ head = [
     "meaning",
     "readings",
     "fails",
-    "changes the verdict on",
+    "claims that then hold, or no longer hold",
 ]
 Table(head, readings_table.option_rows(outcomes))
 
@@ -429,7 +430,7 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 #
 # - Claims about other methods do not depend on the reading; for those about SDecGMCA, the first table has
 #   the candidates for the choices that decide, with few runs of each.
-# - The options that change a verdict (names as in the code) are, where the paper's text is about them:
+# - The options that decide whether a claim holds (names as in the code) are, where the paper's text is about them:
 #   {glue:text}`readings_stated`; where it says nothing or leaves them open: {glue:text}`readings_open`.
 #
 # ## Exercise

@@ -24,7 +24,8 @@
 # ({doc}`12_post_masking`), tests a dimmer plane ({doc}`13_dimmed_galaxy`), and names masks within SDecGMCA as
 # future work.
 #
-# For methods that clean each line of sight a mask changes nothing. Beam-aware methods transform maps, and
+# The two fits clean each line of sight by itself, so that a mask changes nothing; PCA takes its components from
+# the pixels that are kept. Beam-aware methods transform maps, and
 # should solve, on the kept pixels $p$,
 #
 # ```{math}
@@ -125,8 +126,9 @@ def ratios(results, title):
 panels = [panel for one in removers for panel in ratios({way: found[one, way] for way in WAYS}, names[one])]
 
 # %% [markdown]
-# Where the four curves agree, the mask does not matter. Where *inside* is above the others, as for the
-# beam-aware method with the fewest sources, there is foreground residual from the edge.
+# Where the four curves agree, the mask does not matter. Where *inside* rises above 1, as for the
+# beam-aware method with the fewest sources, there is foreground residual from the edge; where it is nearer to 1
+# from below, less signal is lost.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-plane", "caption": "Power of the residual over that of the truth away from the Galactic plane, for each method (rows) and way: angular (left) and frequency (right) power spectrum. Deviations of more than 40 % are not shown."}}
 study.stamped(plotting.lines(panels), beam=case.beam, latitude=latitude, margin=margin)
@@ -255,8 +257,8 @@ quote(
 #   rest of the sky does not. A mask after it does not help.
 # - **The edge costs a margin**: within about two beam widths of it the error of BeamSubspace rises steeply.
 #   With three sources it exceeds that without a mask at all distances shown.
-# - **All methods can clean a part of the sky.** In the tenth of the sky PCA has less foreground residual from
-#   the edge than BeamSubspace with three sources, although it loses more signal; the table has both.
+# - **All methods can clean a part of the sky.** In the tenth of the sky PCA, which has no edge, has less
+#   foreground residual than BeamSubspace with three sources, although it loses more signal; the table has both.
 #
 # ```sh
 # himap clean cube.h5 --method pca -p n_sources=5 --mask mask.fits -o cleaned.h5

@@ -11,7 +11,7 @@ from himap.paper.claims.base import Finding, Part, parts_of, places_of
 from himap.paper.claims.entries import wilson
 from himap.paper.ledger_table import measured
 
-ABSENT = f"{FAILED} (premise absent)"
+ABSENT = f"{FAILED} (premise absent in 1 of 2 parts)"
 PRESENT = f"{UNDECIDED} (holds where its premise is present)"
 
 
@@ -105,6 +105,11 @@ def test_a_premise_that_is_absent_counts_as_not_reproduced_and_is_said(n_absent,
     assert entry.shares["absent"]["lower"] == n_absent / 10
 
 
+def test_a_premise_may_be_absent_in_all_parts():
+    parts = [Part(name, None, True, "SD") for name in ("lower", "k")]
+    assert judged([parts]).label == f"{FAILED} (premise absent)"
+
+
 def test_a_premise_that_one_part_has_is_not_absent():
     parts = [Part("lower", None, True, "SD"), Part("k", True, True, "SD")]
     other = [parts[0], Part("k", False, True, "SD")]
@@ -132,6 +137,12 @@ def test_members_without_a_number_keep_their_weight():
     entry = entry_of({member: Finding(value, (), "") for member, value in numbers.items()})
     assert entry.values[0] == 1.1
     assert measured(entry).endswith("in 3 of 8 members")
+
+
+def test_infinite_numbers_are_counted():
+    numbers = {(0, n): value for n, value in enumerate([1.0, math.inf, math.nan])}
+    entry = entry_of({member: Finding(value, (), "") for member, value in numbers.items()})
+    assert measured(entry) == "1, in 1 of 3 members, infinite in 1"
 
 
 def test_what_no_restart_changes_is_one_draw():

@@ -35,6 +35,7 @@ _JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
 """For those who edit in Jupyter: saving writes the .py too, and keeps its header."""
 
 _REMARK = r"the paper's Fig\. ([\w.]*\w)"
+_END = re.compile(r"(?<!\bFig)(?<!\bFigs)(?<!\bEq)(?<!\bSect)(?<!\bApp)\. ")  # of a sentence
 _HEAVY = 1e5  # bytes of a picture
 _LARGEST_DATA = 3_000_000  # characters of the numbers of one figure; beyond it is a cloud of points
 _LONGEST_NAME = 120  # a file name may have 255 bytes
@@ -286,7 +287,7 @@ def named_figures(caption):
 
 def plain_caption(caption, *, whole=False):
     """The first sentence of a caption, or all that have no role, less which figure of the paper it is."""
-    sentences = re.sub(rf" \({_REMARK}[^)]*\)", "", caption).rstrip(".").split(". ")
+    sentences = _END.split(re.sub(rf" \({_REMARK}[^)]*\)", "", caption).rstrip("."))
     return ". ".join(one for one in sentences if "{" not in one) if whole else sentences[0]
 
 

@@ -245,8 +245,10 @@ def judge_shares(shares):
             return UNDECIDED, "; ".join(_which(outcome, methods, {False: "not"}))
         never_fails = all(share.mean + share.absent >= 1 - _ROUNDING for share in others)
         return UNDECIDED, "holds where its premise is present" if never_fails else ""
-    absent = all(share.absent >= HOLDS - _ROUNDING for share in others)
-    return FAILED, "premise absent" if absent else ""
+    if not all(share.absent >= HOLDS - _ROUNDING for share in others):
+        return FAILED, ""
+    some = f" in {len(others)} of {len(shares)} parts" if len(others) < len(shares) else ""
+    return FAILED, f"premise absent{some}"
 
 
 def _which(outcome, methods, words):

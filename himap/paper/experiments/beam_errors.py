@@ -19,7 +19,7 @@ from himap.store.store import product
 
 KINDS = {
     "width": "relative error of the FWHM",
-    "ripple": "relative amplitude of an unknown ripple of 20 MHz",
+    "ripple": "relative amplitude of an additional ripple of 20 MHz",
     "amplitude": "relative error of the ripple's amplitude",
     "phase": "error of the ripple's phase [rad]",
     "period": "relative error of the ripple's period",
