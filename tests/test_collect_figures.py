@@ -122,7 +122,12 @@ def test_a_whole_caption_has_no_roles():
         (WHOLE, "A.1", ["A.1"], "Pearson r, for six methods"),
         (SHARE, "", ["1"], "Angular power spectrum"),
         ("A map.", "", [], "A map"),
-        ("The paper's Eq. 3 and Fig. 1 on a map. Grey: 10 %.", "", [], "The paper's Eq. 3 and Fig. 1 on a map"),
+        (
+            "The paper's Eq. 3 and Fig. 1 on a map. Grey: 10 %.",
+            "",
+            [],
+            "The paper's Eq. 3 and Fig. 1 on a map",
+        ),
     ],
 )
 def test_captions_say_which_figure_of_the_paper_they_show(caption, paper, named, plain):

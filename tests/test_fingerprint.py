@@ -219,6 +219,8 @@ FIXED = [  # (code, other code)
     ("global k; k = 1", "k = 1"),
     ("return claims_of(1)", "return claims_of(2)"),
     ("return my_claim(1, 2, 3)", "return my_claim(1, 2, 4)"),
+    ("return finding(1, 2, 3)", "return finding(1, 2, 4)"),  # not that of himap
+    ("wording = 1; return wording", "wording = 2; return wording"),
 ]
 AROUND = """
 import numpy as np

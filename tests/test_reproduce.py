@@ -143,6 +143,10 @@ def test_a_copy_is_not_replaced_by_one_of_other_parameters(folder, no_kernel):
     assert reproduce.run("01", **first) == (path, True)
 
 
+def test_a_text_may_be_too_long_for_a_path(folder, no_kernel):
+    assert reproduce.run("01", parameters={"mode": "a" * 300}, folder=folder)[1]
+
+
 def test_names_of_copies_differ_and_fit_a_file_system():
     assert notebook_files.copy_name("01_toy", "ci", {"preset": "ci"}) == "01_toy_ci.ipynb"
     one, two = (notebook_files.copy_name("01_toy", None, {"path": f"{n}/a folder/" * 40}) for n in (1, 2))

@@ -259,7 +259,8 @@ def _paths_in(value):
     if not isinstance(value, str):
         return []
     texts = [value, *(part.partition("=")[2] for part in re.split("[:,;]", value) if "=" in part)]
-    return [path for path in (Path(os.path.expanduser(text)) for text in texts if text) if path.exists()]
+    # A text that is too long for a path is none; `Path.exists` of older Pythons raises an error.
+    return [Path(path) for path in map(os.path.expanduser, texts) if path and os.path.exists(path)]
 
 
 def _kernel_variables():

@@ -75,11 +75,17 @@ class Writer:
         return getattr(self, f"_{type(node).__name__}", self._plain)(node)
 
     def is_silent(self, node):
-        """Whether a statement only warns, calls what is ignored, or is the `wording` of a number."""
-        if assigns(node, "wording"):
+        """Whether a statement only warns, calls what is ignored, or is the `wording` of a `finding`."""
+        if assigns(node, "wording") and self._is_of_himap("finding"):
             return True
         call = node.value if isinstance(node, ast.Expr) else None
         return isinstance(call, ast.Call) and (called(call) == "warn" or self._is_ignored(call.func))
+
+    def _is_of_himap(self, name):
+        """Whether a function is one of himap: another one of the same name may take numbers."""
+        imports = [node for node in self.code.index.get(name, []) if isinstance(node, ast.ImportFrom)]
+        modules = [self.code.package, *(node.module or "" for node in imports)]
+        return any(module.partition(".")[0] == "himap" for module in modules)
 
     def _is_ignored(self, node):
         while isinstance(node, ast.Attribute):
@@ -144,7 +150,7 @@ class Writer:
 
     def _Call(self, node):
         args, keywords = node.args, node.keywords
-        if called(node) in WORDS:
+        if called(node) in WORDS and self._is_of_himap(called(node)):
             n_args, words = WORDS[called(node)]
             args, keywords = args[:n_args], [key for key in keywords if key.arg not in words]
         elif self._is_ignored(node.func):
