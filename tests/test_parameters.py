@@ -13,6 +13,7 @@ masked: bool = True
 degrees: list[int] = [2, 10]  # a list
 options: dict = {}
 folder: str | None = None  # a folder
+beam: str = "oscillating"
 n_max: int | None = 5
 survey: dict = {"seed": 1}  # Survey fields
 """
@@ -44,6 +45,8 @@ def test_reading_the_cell():
         ("folder", '"2025"', "2025"),
         ("folder", "null", None),
         ("preset", "ci", "ci"),
+        ("beam", "Oscillating", "oscillating"),
+        ("beam", "Rippled:amplitude=1", "Rippled:amplitude=1"),
         ("n_max", "null", None),
         ("n_max", "None", None),
     ],

@@ -11,6 +11,8 @@ import sys
 from dataclasses import dataclass, fields
 
 from himap.core.errors import InputError, nearest
+from himap.core.reading import is_file
+from himap.core.registry import plain_name
 from himap.core.survey import Survey
 
 _KINDS = {
@@ -151,6 +153,8 @@ def check_parameters(declared, given):
         many = "s" * (len(unknown) > 1)
         raise InputError(f"unknown parameter{many} {names}; there are {', '.join(known)}.")
     values = {name: known[name].convert(value) for name, value in given.items()}
+    if isinstance(beam := values.get("beam"), str) and beam.isalpha() and not is_file(beam):
+        values["beam"] = plain_name(beam)  # "Oscillating" is the paper's too, and takes its reading
     survey = {name: values.pop(name) for name in given if known[name].default is _OF_PRESET}
     if not all(isinstance(name, str) for name in values.get("survey", {})):
         raise InputError(f"survey must be a dict of fields by name, got {values['survey']!r}.")
