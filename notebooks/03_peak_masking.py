@@ -79,8 +79,8 @@ first, second, flagged = (own.basis @ own.first)[:, 0], (own.basis @ own.second)
 # %% [markdown]
 # ## Two fits
 #
-# 1. Fit a polynomial of order 6 to the spectrum $T(\nu)$ of a line of sight and subtract it.
-# 2. Flag every channel that deviates by more than $5\,\sigma$, with $\sigma$ the standard deviation over the channels of this line.
+# 1. Fit a polynomial (`order`, by default 6) to the spectrum $T(\nu)$ of a line of sight and subtract it.
+# 2. Flag every channel that deviates by more than $5\,\sigma$ (`n_sigma`), with $\sigma$ the standard deviation over the channels of this line.
 # 3. Fit again without the flagged channels, and replace these by the fit.
 #
 # On the scale of the foreground the peak is hardly visible.

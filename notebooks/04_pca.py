@@ -196,6 +196,7 @@ def band(name, start, method=None):
 _, angular, _, frequency = study.ratios(beams["evolving"], removers[beams["evolving"]][0])
 six = PCA(n_sources=6)
 quote(
+    **{f"pca_n_{name}": removers[beam][0].n_sources for name, beam in beams.items()},
     pca_angular_degraded=band("degraded", "C/C0, 10"),
     pca_middle_degraded=band("degraded", "P/P0, 0.03"),
     pca_low_degraded=band("degraded", "P/P0, 0 "),
@@ -216,18 +217,18 @@ quote(
 #
 # All numbers are of this run.
 #
-# - **Degraded beam, 3 components**: the mean $C/C_0$ is {glue:text}`pca_angular_degraded` at $\ell > 10$, and
-#   $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. At smaller $k_\nu$, where HI
+# - **Degraded beam, {glue:text}`pca_n_degraded` components**: the mean $C/C_0$ is
+#   {glue:text}`pca_angular_degraded` at $\ell > 10$, and $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. At smaller $k_\nu$, where HI
 #   is as smooth as the foregrounds, it is {glue:text}`pca_low_degraded`.
-# - **Evolving beam, 4 components**: $P/P_0$ is {glue:text}`pca_first_evolving` at the smallest $k_\nu$, a
-#   signal loss, and {glue:text}`pca_second_evolving` at the next, a foreground residual; $C/C_0$ is
-#   {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
-# - **Oscillating beam, 5 components**: an excess at $\ell < 10$ ($C/C_0$ = {glue:text}`pca_largest_scales`),
-#   at $\ell > 10$ ({glue:text}`pca_angular_oscillating`), at $0.03 < k_\nu < 0.1$ MHz$^{-1}$
-#   ({glue:text}`pca_middle_oscillating`), and at the wavenumber of the ripple ({glue:text}`pca_ripple`). A sixth
-#   component reduces the latter to {glue:text}`pca_ripple_of_six` and removes signal: $P/P_0$ is
-#   {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$ {glue:text}`pca_largest_scales_of_six` at
-#   $\ell < 10$.
+# - **Evolving beam, {glue:text}`pca_n_evolving` components**: $P/P_0$ is {glue:text}`pca_first_evolving` at the
+#   smallest $k_\nu$, a signal loss, and {glue:text}`pca_second_evolving` at the next, a foreground residual;
+#   $C/C_0$ is {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
+# - **Oscillating beam, {glue:text}`pca_n_oscillating` components**: $C/C_0$ is {glue:text}`pca_largest_scales` at
+#   $\ell < 10$ and {glue:text}`pca_angular_oscillating` at $\ell > 10$, $P/P_0$ is
+#   {glue:text}`pca_middle_oscillating` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ and {glue:text}`pca_ripple` at the
+#   wavenumber of the ripple. With six components the latter is {glue:text}`pca_ripple_of_six`, and signal is
+#   removed: $P/P_0$ is {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$
+#   {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
 #
 # ## Exercise
 #

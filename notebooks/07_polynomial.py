@@ -288,8 +288,8 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# - Order 6 removes seven spectra from every line of sight, and more signal at the smallest $k_\nu$ than PCA
-#   with three ({doc}`10_results`). The residual in the Galactic plane gives an excess at $\ell < 10$ and
+# - The default order of 6 removes seven spectra from every line of sight, and more signal at the smallest
+#   $k_\nu$ than PCA with three ({doc}`10_results`). The residual in the Galactic plane gives an excess at $\ell < 10$ and
 #   $0.03 < k_\nu < 0.1$ MHz$^{-1}$.
 # - The evolving beam, whose effect along a line of sight is smooth, changes the ratios by at most
 #   {glue:text}`polynomial_evolving_fine` at $\ell > 10$ and $k_\nu > 0.1$ MHz$^{-1}$, and by up to

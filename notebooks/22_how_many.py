@@ -56,6 +56,8 @@ n_mocks: int = 2  # mocks, each with a seed of its own
 results: list | None = None  # what `himap measure n_sources` wrote; null: that of the book
 
 # %% tags=["hide-input"]
+import itertools
+
 import numpy as np
 import pandas as pd
 
@@ -111,7 +113,7 @@ panels = [
     {"title": "change with one source more", "yscale": "log", "ylabel": "relative change", "curves": []},
     {"title": "distance from the truth", "yscale": "log", "ylabel": "worst band, |ratio - 1|", "curves": []},
 ]
-for name, (colour, dashes, marker) in zip(methods, looks, strict=False):
+for name, (colour, dashes, marker) in zip(methods, itertools.cycle(looks), strict=False):
     several = [one for one in removers if one.name == name]
     views = source_number_criteria(case, several, first_sky.mocks)
     values = eigenvalues(case, "beams" in several[0].uses)

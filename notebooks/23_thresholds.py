@@ -159,8 +159,9 @@ def row(name, n, band):
 rows = {
     f"{label} {n}, {band.removeprefix('C/C0, ')}": row(name, n, band)
     for name, label in names.items()
-    for n in (n_sources[0], n_sources[1])
+    for n in n_sources[:2]
     for band in ("C/C0, 5-9", "C/C0, 10-19", "C/C0, 40-99")
+    if band in in_bands(name, n, "kept")
 }
 show_table(rows)
 

@@ -50,6 +50,7 @@ methods: list = [
     ["beam_subspace", 5],
     ["pca", 5],
 ]  # pairs of a name and a number of sources
+reading: str = "default"  # of SDecGMCA: default, letter, code, code-rounding, follow-up, instrument-noise
 latitude: float = 10.0  # least |b| that is kept, deg
 cap: float = 53.13  # latitude at which a survey of the north ends, deg; 53.13 is a tenth of the sky
 margin: float = 4.0  # how far inside of an edge spectra begin, deg
@@ -74,6 +75,7 @@ from himap.paper.study import Study
     beam=beam,
     ripple=ripple,
     methods=methods,
+    reading=reading,
     n_realisations=1,
 )
 study = Study(

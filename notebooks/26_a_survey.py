@@ -67,6 +67,8 @@ import h5py
 import healpy as hp
 import numpy as np
 
+from himap.core.checks import whole_number, with_fields
+from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, read_cube
 from himap.cubes.mocks import draw_mocks
 from himap.figures import plotting, styles
@@ -76,11 +78,12 @@ from himap.measures import diagnostics
 from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits, patch_sky
 from himap.paper.study import Study
 
-selected, field = named(beam), Patch(**patch)
+selected, field = named(beam), with_fields(Patch, patch)
 study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
 nside, n_channels = study.survey.nside, study.survey.n_channels
+whole_number("bin_width", bin_width, 1, 2 * nside)
 
 # %% [markdown]
 # ## The survey
@@ -93,6 +96,11 @@ nside, n_channels = study.survey.nside, study.survey.n_channels
 hits = field.hits(nside)
 flags = field.flags(nside, n_channels)
 inside = hits > 0
+if inside.sum() <= n_channels:
+    raise InputError(
+        f"the patch has {inside.sum()} pixels at nside={nside} and PCA needs more of them than there are channels, "
+        f"{n_channels}: give a larger nside, fewer n_channels, or a larger width and height in patch."
+    )
 foreground, signal = patch_sky(study.case(selected))
 noise = noise_by_hits(study.survey, hits, study.survey.rng("noise by hits"))
 truth = signal + noise

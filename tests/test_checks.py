@@ -4,7 +4,7 @@ import astropy.units as u
 import numpy as np
 import pytest
 
-from himap.core.checks import checked_cube, checked_noise, evenly_spaced
+from himap.core.checks import checked_cube, checked_noise, evenly_spaced, with_fields
 from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.removal.pca import PCA
@@ -43,3 +43,9 @@ def test_frequencies_in_other_units(maps):
 @pytest.mark.parametrize(("freqs", "even"), [([1, 2], True), ([1, 2, 3.009], True), ([1, 2, 3.011], False)])
 def test_evenly_spaced(freqs, even):
     assert evenly_spaced(np.array(freqs)) == even
+
+
+def test_fields_of_parameters_by_name():
+    assert with_fields(Survey, {"nside": 8}) == Survey(nside=8)
+    with pytest.raises(InputError, match=r"Survey has no field nsde \(did you mean nside\?\); it has "):
+        with_fields(Survey, {"nsde": 8})

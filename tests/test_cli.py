@@ -93,6 +93,23 @@ def test_run_all_gives_each_notebook_the_parameters_that_it_has(himap_command, r
     assert code == 2 and "unknown parameter preset" in error
 
 
+def test_run_all_goes_on_where_a_notebook_stops(himap_command, monkeypatch, tmp_path):
+    """And says at the end which did; one that was named ends the command."""
+    (tmp_path / "notebooks" / "02_other.py").write_text(TOY)
+
+    def run(name, **options):
+        if name == "01_toy":
+            raise InputError("too few channels.")
+        return f"{name}.ipynb", False
+
+    monkeypatch.setattr("himap.app.reproduce.run", run)
+    code, out, error = himap_command("run", "--all")
+    assert code and out == "02_other.ipynb  (done before)\n"
+    assert "01_toy: too few channels." in error and "1 of 2 notebooks stopped: 01_toy." in error
+    code, out, error = himap_command("run", "01_toy", "02_other")
+    assert code == 2 and not out and "too few channels" in error
+
+
 def test_who_does_the_work(himap_command, monkeypatch):
     """Kernels and workers find it in the environment, which is afterwards as it was."""
     variables = [JOBS_VARIABLE, DASK_VARIABLE, LIMIT_VARIABLE]

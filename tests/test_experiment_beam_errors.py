@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from himap.core.errors import InputError
 from himap.instrument.beams import MeerKAT, Oscillating, PerturbedBeam, Rippled
 from himap.measures.diagnostics import JUDGED
 from himap.measures.spectra import angular_power
@@ -149,4 +150,6 @@ def test_figure():
     curves = {line.get_label(): line for line in width.lines}
     assert curves["BeamSubspace 3"].get_xydata() == pytest.approx(np.array([[1e-3, 0.01], [1e-2, 0.5]]))
     assert curves["PCA 6"].get_ydata() == pytest.approx([0.02, 0.02])
-    assert "unknown ripple" in ripple.get_xlabel()
+    assert "additional ripple" in ripple.get_xlabel()
+    with pytest.raises(InputError, match="no error of the beam"):
+        beam_errors_figure(EXPERIMENT.frame(made_up(0.0, 1e-3)))

@@ -6,7 +6,7 @@ from dataclasses import MISSING, field, fields
 
 import numpy as np
 
-from himap.core.errors import InputError
+from himap.core.errors import InputError, nearest
 
 _LARGEST = 1e15  # mK; beyond is not a sky: healpy marks missing pixels with -1.6e30
 _UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
@@ -158,6 +158,14 @@ def fields_on(instance):
     """Pairs of the fields of a dataclass and their values, without those at the value that is `off`."""
     pairs = ((item, getattr(instance, item.name)) for item in fields(instance))
     return [(item, one) for item, one in pairs if "off" not in item.metadata or one != item.metadata["off"]]
+
+
+def with_fields(kind, values):
+    """An instance of the dataclass of parameters `kind`, from {field: value}; InputError for unknown ones."""
+    known = [item.name for item in fields(kind)]
+    if unknown := [f"{name}{nearest(name, known)}" for name in values if name not in known]:
+        raise InputError(f"{kind.__name__} has no field {', '.join(unknown)}; it has {', '.join(known)}.")
+    return kind(**values)
 
 
 def checked_fields(instance):

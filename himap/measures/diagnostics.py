@@ -94,7 +94,8 @@ def inside(x, values, low, high):
     there = _within(x, low, high)
     if not there.any():
         raise InputError(
-            f"nothing lies between {low} and {high}: the values go from {np.min(x):g} to {np.max(x):g}."
+            f"nothing lies between {low} and {high}: the values go from {np.min(x):g} to {np.max(x):g}. More "
+            "channels reach higher wavenumbers, a wider band lower ones, a larger nside higher multipoles."
         )
     return values[there]
 

@@ -77,7 +77,8 @@ def _transfer_panel(table):
 def beam_errors_figure(table):
     """Foreground residual by the error of the assumed beam: one panel for each kind, one curve a method.
 
-    `table` is of `himap.paper.experiments.beam_errors`; other beams are left out.
+    `table` is of `himap.paper.experiments.beam_errors`; other beams are left out. InputError for one without
+    errors.
     """
     excess = worst_excess(table)
     tried = {kind: sorted({key[3] for key in excess if key[2] == kind and key[3]}) for kind in KINDS}
@@ -98,6 +99,11 @@ def beam_errors_figure(table):
         panel = {"curves": curves, "xlim": ends, "xscale": "log", "xlabel": KINDS[kind]}
         panel |= {"ylim": (1e-3, 1e2), "yscale": "log", "ylabel": "foreground residual / (HI + noise)"}
         panels.append(panel)
+    if not panels:
+        raise InputError(
+            "the table has no error of the beam: it needs one, such as {'width': [0.01]}, and a method that "
+            "uses the beam."
+        )
     return plotting.lines(panels, columns=min(2, len(panels)), size=(4.6, 3.4), legend_above=True)
 
 

@@ -135,10 +135,22 @@ def run(names, preset, pairs, output, stale, every, overwrite):
         accepted = {key: text for key, text in texts.items() if not every or key in known[name]}
         calls[name] = parse_texts(parameters, accepted)
         check_parameters(parameters, calls[name])  # before any runs
+    stopped = []
     for name, values in calls.items():
         started, options = time.monotonic(), {"output": output, "again": not every, "overwrite": overwrite}
-        path, done = reproduce.run(name, parameters=values, **options)
+        try:
+            path, done = reproduce.run(name, parameters=values, **options)
+        except (InputError, reproduce.NotebookError) as error:
+            if not every:
+                raise
+            stopped.append(name)  # parameters that one refuses may suit the others
+            click.echo(f"{name}: {error}", err=True)
+            continue
         click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
+    if stopped:
+        raise reproduce.NotebookError(
+            f"{len(stopped)} of {len(calls)} notebooks stopped: {', '.join(stopped)}."
+        )
 
 
 @main.command()
