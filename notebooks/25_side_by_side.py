@@ -360,8 +360,7 @@ quote(
 #   and on {glue:text}`side_failed_evolving` through the evolving one, where the methods recommended above do not
 #   fail: compare several restarts ({doc}`27_restarts`).
 # - **After correction SmoothSpectra is the nearest** through the oscillating beam, if that is known
-#   ({glue:text}`side_harmless_corrected`), but its error bars are too small at this size
-#   ({doc}`20_transfer_function`).
+#   ({glue:text}`side_harmless_corrected`; {doc}`20_transfer_function` has the coverage of its error bars).
 # - **Resolution**: at `laptop` six components are too few for PCA, which is off by
 #   {glue:text}`side_larger_unknown` after correction; more were not tried there, and each removes more HI.
 # - **The beam**: if its width is wrong by 1 %, BeamSubspace has a foreground residual of
