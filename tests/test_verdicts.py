@@ -139,12 +139,6 @@ def test_members_without_a_number_keep_their_weight():
     assert measured(entry).endswith("in 3 of 8 members")
 
 
-def test_infinite_numbers_are_counted():
-    numbers = {(0, n): value for n, value in enumerate([1.0, math.inf, math.nan])}
-    entry = entry_of({member: Finding(value, (), "") for member, value in numbers.items()})
-    assert measured(entry) == "1, in 1 of 3 members, infinite in 1"
-
-
 def test_what_no_restart_changes_is_one_draw():
     """Of the sky alone, unlike what is about no single method and has another number in each restart."""
     parts = (Part("a", True),)

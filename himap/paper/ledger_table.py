@@ -181,9 +181,8 @@ def members_text(entry):
 
 def measured(entry):
     """Median, and the range from 16 to 84 %, of the members that have a number; how many, if not all."""
-    (median, low, high), values = entry.values, entry.members["value"]
+    median, low, high = entry.values
     spread = f" ({low:.3g} to {high:.3g})" if low < high else ""
-    number, infinite = values.map(math.isfinite).sum(), values.map(math.isinf).sum()
-    some = f", in {number} of {len(values)} members" if number < len(values) else ""
-    some += f", infinite in {infinite}" if infinite else ""
+    number, total = entry.members["value"].map(math.isfinite).sum(), len(entry.members)
+    some = f", in {number} of {total} members" if number < total else ""
     return "–" if math.isnan(median) else f"{median:.3g}{spread}{some}"
