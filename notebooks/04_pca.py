@@ -196,7 +196,9 @@ def band(name, start, method=None):
 _, angular, _, frequency = study.ratios(beams["evolving"], removers[beams["evolving"]][0])
 six = PCA(n_sources=6)
 quote(
-    **{f"pca_n_{name}": removers[beam][0].n_sources for name, beam in beams.items()},
+    pca_n_degraded=removers[beams["degraded"]][0].n_sources,
+    pca_n_evolving=removers[beams["evolving"]][0].n_sources,
+    pca_n_oscillating=removers[beams["oscillating"]][0].n_sources,
     pca_angular_degraded=band("degraded", "C/C0, 10"),
     pca_middle_degraded=band("degraded", "P/P0, 0.03"),
     pca_low_degraded=band("degraded", "P/P0, 0 "),
