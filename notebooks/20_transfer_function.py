@@ -461,8 +461,8 @@ show_table(rows, columns=4)
 # - **So the correction is a systematic error too.** As it rests on assumptions, all of the subtracted power is
 #   quoted, and added in quadrature. That is too cautious where much was subtracted, as for
 #   GMCA, PCA at `laptop`, and BeamSubspace with three sources on the real Galaxy.
-# - **The error bars of SmoothSpectra cover less than those of the other methods** with the synthetic Galaxy. Its
-#   means at the lowest $\ell$ and $k_\nu$ are too high there.
+# - **The error bars of SmoothSpectra cover least at `quick` with the synthetic Galaxy, and at `laptop`.** Its means
+#   at the lowest $\ell$ and $k_\nu$ are too high there, by up to about an error bar.
 # - **A source in which HI is as bright as the foreground is not corrected well.** BeamSubspace with four
 #   sources loses more HI at the lowest $k_\nu$ than the mocks say, most on the real Galaxy. The estimated
 #   foreground has the right power there but is a Gaussian field, and that of the Galaxy is not. With three
@@ -472,8 +472,8 @@ show_table(rows, columns=4)
 #   chance correlation of this spectrum with HI is in the residual and in what is subtracted from it, and
 #   cancels; members have the estimate of the data, and it does not. For one spectrum with $v$ times the power
 #   of HI, all of which remains, this is a factor of $(1 + 4v)^{1/2}$ for many mocks.
-# - **So are those of GMCA**. Its residual has much more foreground than HI at low $\ell$, so that
-#   they are mostly errors of the estimated foreground.
+# - **So are those of GMCA, and of PCA at `laptop`.** The residual of GMCA has much more foreground than HI at low
+#   $\ell$, so that they are mostly errors of the estimated foreground.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) is
 #   in the unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
 #   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
