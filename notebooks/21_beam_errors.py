@@ -141,10 +141,10 @@ plotting.stamp(beam_errors_figure(records[-1].rows), records[-1].made.footer())
 # %% [markdown]
 # The next table has the error up to which the foreground residual exceeds that with the exact beam by at most
 # 1 % of the power of HI and noise, interpolated between the errors that were tried ("less" if the smallest of
-# them is too large). It has the fewest sources alone: with more the residual has a narrow maximum, where the
-# effect of the error on the foreground is as bright as HI, and errors of the amplitude, the phase and the
-# period are too few to show it. A ripple of $10^{-5}$ is an error of the amplitude of 0.7 %, between two of
-# those that were tried: the first has its maximum there, the second seems to have none.
+# them is too large). It has the fewest sources alone. With more, the residual has a narrow maximum where the
+# effect of the error on the foreground is as bright as HI, and the errors that were tried can lie on both sides
+# of it: an additional ripple of $10^{-5}$, where the curves of the ripple have their maximum, is an error of the
+# amplitude of 0.7 %, which is not among those of the amplitude.
 # SDecGMCA is not in the table, as its runs differ by more than that.
 
 
