@@ -461,8 +461,8 @@ show_table(rows, columns=4)
 # - **So the correction is a systematic error too.** As it rests on assumptions, all of the subtracted power is
 #   quoted, and added in quadrature. That is too cautious where much was subtracted, as for
 #   GMCA, PCA at `laptop`, and BeamSubspace with three sources on the real Galaxy.
-# - **The error bars of SmoothSpectra cover least at `laptop`, and at `quick` with the synthetic Galaxy**, where its
-#   means at the lowest $\ell$ and $k_\nu$ are too high by almost an error bar.
+# - **The error bars of SmoothSpectra cover least at `laptop` with the real Galaxy, and at `quick` with the
+#   synthetic one.** Its means at the lowest $\ell$ are too high there by almost an error bar.
 # - **A source in which HI is as bright as the foreground is not corrected well.** BeamSubspace with four
 #   sources loses more HI at the lowest $k_\nu$ than the mocks say, most on the real Galaxy. The estimated
 #   foreground has the right power there but is a Gaussian field, and that of the Galaxy is not. With three
