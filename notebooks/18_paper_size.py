@@ -88,8 +88,9 @@ Markdown("\n\n".join([verdicts_table(ledgers[:2]), ledgers_table(ledgers, others
 # the paper's simulator ({doc}`01_simulations`). The last two have one run of SDecGMCA each, in the earlier
 # reading. Only the verdict on B1 differs, and that by SDecGMCA, whose parts are shares of eight restarts in
 # the first column and one run in the others: PCA, FastICA, GMCA and the parametric fit fail in all three. With
-# the paper's box this run has the bias of B2: through the evolving and the oscillating beam $P/P_0$ at large
-# $k_\nu$ is too low without masking, and not with it. No restart has it in the boxes with wider cells.
+# the paper's box this run has the bias of B2: through the evolving and the oscillating beam the frequency
+# spectrum is too low at large wavenumbers without masking, and not with it. No restart has it in the boxes with
+# wider cells.
 
 # %% tags=["hide-input"]
 of_the_box = "B1", "B2", "B3", "D3"
