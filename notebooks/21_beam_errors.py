@@ -247,10 +247,10 @@ def least(record, kind, error):
     return f"{best} sources and {digits(100 * found[best])}"
 
 
-def most(record, n_sources, kind="ripple"):
-    """Largest foreground residual of BeamSubspace with errors of a kind."""
+def most(record, n_sources):
+    """Largest foreground residual of BeamSubspace with an additional ripple."""
     found = worst_excess(record.rows).items()
-    return max(excess for key, excess in found if key[:3] == ("beam_subspace", n_sources, kind))
+    return max(excess for key, excess in found if key[:3] == ("beam_subspace", n_sources, "ripple"))
 
 
 limits = [tolerated(one.rows) for one in records]
