@@ -14,7 +14,14 @@ from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
 from himap.measures.bootstrap import sigma
 from himap.measures.low_rank_spectra import FAINT, masked_alms
-from himap.measures.transfer import TransferFunction, harmonic_power, mock_power
+from himap.measures.transfer import (
+    HarmonicPower,
+    TransferFunction,
+    foreground_power,
+    harmonic_power,
+    mock_power,
+    quotient,
+)
 from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of
 
 
@@ -39,9 +46,8 @@ class Corrected:
     expected
         The mean power of the mocks in the place of `corrected`.
     systematic
-        What was estimated from the mocks as foreground residual and subtracted, over the transfer function,
-        in the unit of the spectrum. As it rests on their foreground, it is the systematic error of
-        `corrected`.
+        What was estimated as foreground residual and subtracted, over the transfer function, in the unit of
+        the spectrum. As that estimate rests on assumptions, it is the systematic error of `corrected`.
     truth
         The spectrum of the truth, NaN where it is not known.
     drawn
@@ -95,6 +101,9 @@ class CubeTransfer(TransferFunction):
     ----------
     drawn
         Whether members have a foreground that was drawn, and not the one that the method estimated.
+    left
+        The `HarmonicPower` of what the method leaves of the foreground, as estimated from the cube; that of
+        members is subtracted from their output already. None where it is not drawn.
     parts
         The `Parts`.
     powers
@@ -102,6 +111,7 @@ class CubeTransfer(TransferFunction):
     """
 
     drawn: bool
+    left: HarmonicPower | None
     parts: Parts
     powers: np.ndarray
 
@@ -112,7 +122,8 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     With the beams of a full sphere without gaps, in more than `N_SMOOTH` channels, the foreground of every
     member is drawn from what is known of that of the cube, if its HI and noise are like the mocks
     (`himap.removal.smooth_posterior.SmoothForeground`), so that it has what the method leaves in the residual
-    too. Else it is the one that the method estimated.
+    too. Else it is the one that the method estimated. What the method leaves of a drawn foreground is
+    estimated from each member as it is from the cube, so that members have the errors of this estimate.
 
     Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing the mock,
     what comes back of it and the residual of the cube all count as 0, so that their ratios are right.
@@ -141,24 +152,51 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     _ = cube.nside  # refuses an image in the plane
     drawn = beams is not None and cube.whole_sky and cube.missing is None and len(cube.freqs) > N_SMOOTH
     parts, before = Parts.of(cleaned), cleaned.separation
-    members, in_parts, mock_powers = _analysed(cube, parts, mocks), [], []
+    members, in_parts, mock_powers, left = _analysed(cube, parts, mocks), [], [], None
     with TemporaryDirectory() as folder:
         if drawn:  # all mocks are looked at twice
             members = [_in_files(Path(folder) / str(n), arrays) for n, arrays in enumerate(members)]
-            # With nothing that is known of the data already, so that these do not keep their modes.
-            data = replace(cleaned.data, weights=None, beams=beams, seed=None, known={})
-            lmax = min(3 * cube.nside, data.beams.shape[1]) - 1
-            fields = (sphere.alms_upto(alms, lmax) for alms, *_ in members)
-            foreground = foreground_given(data, products_of(fields, lmax)) if members else None
+            data = _with_beams(cleaned, beams)
+            products = _products(cube, data.beams, members) if members else None
+            known = foreground_given(data, products) if members else None
         for n, (alms, mock, powers) in enumerate(members):
             if any(np.array_equal(powers, others) for others in in_parts):
                 raise InputError(f"mocks must differ, and number {n + 1} is one of those before it.")
             if drawn:  # from another stream than the mock, which may be drawn from the same number
                 rng = np.random.default_rng(np.random.SeedSequence(n, spawn_key=(1,)))
-                before = foreground.draw(data, rng)
-            mock_powers.append(_member_power(cleaned, mock, alms, before))
+                before = known.draw(data, rng)
+            member = cleaned.resampled(mock, before)
+            power = _member_power(member, mock, alms, before)
+            if drawn:
+                own = _with_beams(member, beams)
+                estimate = _left(member, own, foreground_given(own, products))
+                power = replace(power, output=power.output.less(estimate))
+            mock_powers.append(power)
             in_parts.append(np.array(powers))
-    return CubeTransfer(mocks=tuple(mock_powers), drawn=drawn, parts=parts, powers=np.array(in_parts))
+        if drawn and members:
+            left = _left(cleaned, data, known)
+    return CubeTransfer(
+        mocks=tuple(mock_powers), drawn=drawn, left=left, parts=parts, powers=np.array(in_parts)
+    )
+
+
+def _with_beams(cleaned, beams):
+    """The `Data` of a `CleanedCube` with the beams b_l.
+
+    With nothing that is known of them already, so that the cube does not keep their modes.
+    """
+    return replace(cleaned.data, weights=None, beams=beams, seed=None, known={})
+
+
+def _products(cube, beams, members):
+    """`products_of` mocks with the coefficients that come first in `members`, as far as the beams reach."""
+    lmax = min(3 * cube.nside, beams.shape[1]) - 1
+    return products_of((sphere.alms_upto(alms, lmax) for alms, *_ in members), lmax)
+
+
+def _left(cleaned, data, known):
+    """What the method leaves of the foreground of a `CleanedCube`, as it is `known` of the `Data`."""
+    return foreground_power(known, data, cleaned.method, cleaned.separation, cleaned.cube.channel_width)
 
 
 def _analysed(cube, parts, mocks):
@@ -192,12 +230,12 @@ def _in_files(path, arrays):
     return [np.load(file, mmap_mode="r") for file in files]
 
 
-def _member_power(cleaned, mock, alms, before):
-    """The `MockPower` of a mock with the coefficients `alms` as a member of the bootstrap.
+def _member_power(member, mock, alms, before):
+    """The `MockPower` of a mock with the coefficients `alms` in a member of the bootstrap, a `CleanedCube`.
 
     Its foreground is that of the `Separation` `before`.
     """
-    cube, after = cleaned.cube, cleaned.resampled(mock, before).separation
+    cube, after = member.cube, member.separation
     alms = alms if after.lmax is None else sphere.alms_upto(alms, after.lmax)
     if cube.missing is None:
         return mock_power_of_change(cube, mock, alms, before, after)
@@ -261,12 +299,13 @@ def correct(cleaned, transfer, spectra, truth=None):
         )
     alms = alms_of(cleaned.cube, cleaned.residual, len(transfer.degrees) - 1)
     power = harmonic_power(alms, cleaned.cube.channel_width)
+    less = power if transfer.left is None else power.less(transfer.left)
     shown = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
     shown["frequency"] = spectra.frequency.k, spectra.frequency.power
     true = dict.fromkeys(shown, ([0], [np.nan]))
     if truth is not None:
         true = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
-    return {kind: _corrected(kind, transfer, power, shown[kind], true[kind]) for kind in shown}
+    return {kind: _corrected(kind, transfer, power, less, shown[kind], true[kind]) for kind in shown}
 
 
 def _ends(middles):
@@ -275,10 +314,11 @@ def _ends(middles):
     return np.array([ends[:-1], ends[1:]])
 
 
-def _corrected(kind, transfer, power, shown, true):
+def _corrected(kind, transfer, power, less, shown, true):
     """The `Corrected` of one spectrum, in the bins that are `shown`, from the `HarmonicPower` of a residual.
 
-    `shown` and `true` are places, l or k, and the power there, of the residual and of the truth.
+    `less` is that power less what is estimated of the foreground; `shown` and `true` are places, l or k, and
+    the power there, of the residual and of the truth.
     """
     x, residual = shown
     known = slice(2, None) if kind == "angular" else slice(1, None)
@@ -287,11 +327,13 @@ def _corrected(kind, transfer, power, shown, true):
     low, high = _ends(x) if kind == "angular" else (x - (x[1] - x[0]) / 2, x + (x[1] - x[0]) / 2)
     bins = (known_at > low[inside, None]) & (known_at < high[inside, None])
     bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
-    left, share = getattr(power, kind), getattr(transfer, kind)
+    residual_power, share = getattr(power, kind), getattr(transfer, kind)
     # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
-    scale = residual[inside] / (bins @ left[known])
+    scale = residual[inside] / (bins @ residual_power[known])
     lost = share <= 0
-    corrected = np.where(lost, 0, transfer.corrected(kind, left))
+    found = transfer.corrected(kind, getattr(less, kind))
+    systematic = quotient(residual_power, share) - found
+    corrected = np.where(lost, 0, found)
     several = len(transfer.mocks) > 1
     expected = np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)
     return Corrected(
@@ -302,7 +344,7 @@ def _corrected(kind, transfer, power, shown, true):
         errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
         sample=transfer.sample(kind)[:, known] @ bins.T,
         expected=bins @ expected[known] * scale,
-        systematic=bins @ transfer.foreground(kind)[known] * scale,
+        systematic=bins @ systematic[known] * scale,
         truth=np.interp(x[inside], *true, left=np.nan, right=np.nan),
         drawn=transfer.drawn,
     )

@@ -60,6 +60,12 @@ class HarmonicPower:
         """P(k) averaged over the sphere, mK^2 MHz, (n_k,): the sum over all modes."""
         return (2 * self.degrees + 1) @ self.power / (4 * np.pi)
 
+    def less(self, other):
+        """The same less the power of another cube, which may end at another l: beyond that nothing."""
+        power, n_l = self.power.copy(), min(len(self.power), len(other.power))
+        power[:n_l] -= other.power[:n_l]
+        return replace(self, power=power)
+
     def binned(self, edges):
         """Means over the modes in bins of l, from one of the `edges` to below the next, (n_bins, n_k)."""
         n_modes = 2.0 * self.degrees + 1
@@ -117,6 +123,8 @@ class TransferFunction:
     The transfer function T is the cross power of residual and mock over the power of the mock (Cunnington et
     al. 2023). What a residual has beyond T times its truth has nothing in common with that truth: of members
     of a bootstrap (`himap.removal.cleaning.Cleaning.resampled`) it is foreground residual, and subtracted.
+    Where this is estimated from the member itself (`foreground_power`), and subtracted from its output, so it
+    must be from a residual that is corrected: then the rest is the bias of that estimate.
 
     Attributes
     ----------
@@ -176,10 +184,6 @@ class TransferFunction:
         """
         share, unlike = self._fit(kind)
         return quotient(power - unlike, share)
-
-    def foreground(self, kind):
-        """What `corrected` subtracts, over T: the foreground residual in a corrected spectrum, (n,)."""
-        return -self.corrected(kind, 0)
 
     def errors(self, kind):
         """Relative error of each mock once it is corrected by the others, (n_mocks, n).
@@ -260,15 +264,43 @@ def expected_mock_power(separation, channel_width):
     smooth spectra nearly is. A residual spectrum is to be divided by the share of `cross` alone: it has as
     much foreground as is missing in `output`, if its covariance is the right one. `channel_width` in MHz.
     """
-    linear, n_channels = separation.filter, len(separation.mixing)
-    waves, rows = fft.rfft(np.eye(n_channels), axis=0), []
+    linear, covariances = separation.filter, []
     for degree, (spectra, estimators) in enumerate(zip(linear.spectra, linear.estimators, strict=True)):
         faint = linear.faint_at(degree)
-        keeps = np.eye(n_channels) - spectra @ estimators
+        keeps = np.eye(len(faint)) - spectra @ estimators
         cross = keeps @ faint
-        covariances = faint, cross @ keeps.T, cross
-        rows.append([np.sum((waves @ one) * waves.conj(), axis=1).real for one in covariances])
-    return MockPower(*_harmonic_powers(rows, n_channels, channel_width))
+        covariances.append((faint, cross @ keeps.T, cross))
+    return MockPower(*(expected_power(one, channel_width) for one in zip(*covariances, strict=True)))
+
+
+def expected_power(covariances, channel_width):
+    """The `HarmonicPower` of a field with these covariances of channels, (n_channels, n_channels) for each l.
+
+    In mK^2; the channel width in MHz.
+    """
+    rows = []
+    for covariance in covariances:
+        waves = fft.rfft(np.eye(len(covariance)), axis=0)
+        rows.append([np.sum((waves @ covariance) * waves.conj(), axis=1).real])
+    return _harmonic_powers(rows, len(covariance), channel_width)[0]
+
+
+def foreground_power(known, data, method, separation, channel_width):
+    """The `HarmonicPower` of what a method leaves of the foreground, as far as that is known of the data.
+
+    Parameters
+    ----------
+    known
+        The `himap.removal.smooth_posterior.SmoothForeground` of the data.
+    data
+        The `Data`, with the beams b_l that a method uses.
+    method, separation
+        The `ForegroundRemover`, and the `Separation` that it found.
+    channel_width
+        MHz.
+    """
+    beams = data.beams if "beams" in method.uses else None
+    return expected_power(known.residual_covariances(data, separation, beams), channel_width)
 
 
 def _harmonic_powers(rows, n_channels, channel_width):

@@ -10,7 +10,7 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.measures.transfer import TransferFunction, mock_power
+from himap.measures.transfer import TransferFunction, foreground_power, mock_power
 from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
 from himap.removal.smooth_posterior import foreground_given, products_of
@@ -97,9 +97,11 @@ def recovered(case, removers, mock, mask_peaks=True):
     comparison.
     """
     alms, maps = _alms_and_maps(case, mock)
-    mocked = cleaned.cleaning(case, removers[0], mask_peaks).with_mock(maps)
-    before = [cleaned.separation(case, remover, mask_peaks) for remover in removers]
-    return _powers(case, alms, mocked, removers, before)
+    mocked, powers = cleaned.cleaning(case, removers[0], mask_peaks).with_mock(maps), []
+    for remover in removers:
+        before, found = cleaned.separation(case, remover, mask_peaks), _found(case, mocked, remover)
+        powers.append(_power(case, alms, before, found))
+    return powers
 
 
 def _alms_and_maps(case, mock):
@@ -107,23 +109,28 @@ def _alms_and_maps(case, mock):
     return alms, sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
 
 
-def _powers(case, alms, mocked, removers, before):
-    """A list of `MockPower`: of a `Cleaning` with a mock by each method, and the `Separation` without it."""
-    powers = []
-    for remover, without in zip(removers, before, strict=True):
-        rng = case.survey.rng(f"removal {remover.name}")
-        found = mocked.with_method(remover, rng=rng).separation
-        wrong = cleaned.difference(case, without.foreground, found.foreground)
-        own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
-        powers.append(mock_power(own, wrong, case.survey.channel_width))
-    return powers
+def _found(case, mocked, remover):
+    """The `Separation` that a method makes of a `Cleaning` with a mock."""
+    return mocked.with_method(remover, rng=case.survey.rng(f"removal {remover.name}")).separation
+
+
+def _power(case, alms, before, found):
+    """The `MockPower` of a mock with the coefficients `alms`, and the `Separation` without and with it."""
+    own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
+    wrong = cleaned.difference(case, before.foreground, found.foreground)
+    return mock_power(own, wrong, case.survey.channel_width)
+
+
+@product
+def products_of_mocks(case, mocks):
+    """`products_of` some mocks, as they are in the observation of a case."""
+    return products_of((mock_alms(case, mock) for mock in mocks), case.survey.lmax)
 
 
 @product
 def foreground_like(case, mocks):
     """The `SmoothForeground` of a case where HI and noise are like some mocks."""
-    alms = (mock_alms(case, mock) for mock in mocks)
-    return foreground_given(_with_peaks(case), products_of(alms, case.survey.lmax))
+    return foreground_given(_with_peaks(case), products_of_mocks(case, mocks))
 
 
 def _with_peaks(case):
@@ -134,18 +141,32 @@ def _with_peaks(case):
 
 
 @product
+def foreground_left(case, remover, mocks, mask_peaks=True):
+    """The `HarmonicPower` of what a method leaves of the foreground of a case (`foreground_like`)."""
+    known, found = foreground_like(case, mocks), cleaned.separation(case, remover, mask_peaks)
+    return foreground_power(known, _with_peaks(case), remover, found, case.survey.channel_width)
+
+
+@product
 def resampled(case, removers, mock, mocks, mask_peaks=True):
     """A member of a parametric bootstrap, whose truth is a mock: a list with the `MockPower` of each method.
 
     For all methods the foreground is drawn from what is known of it if HI and noise are like some `mocks`
     (`SmoothForeground`). A method with few spectra has less of the foreground and more of HI in what it
-    finds.
+    finds. The power of what it leaves of the foreground is estimated from the member, as `foreground_left`
+    is from the data, and subtracted from the output.
     """
     alms, maps = _alms_and_maps(case, mock)
-    model = cleaned.cleaning(case, removers[0], mask_peaks)
     rng = replace(case.survey, seed=mock.seed).rng("foreground")
     drawn = foreground_like(case, mocks).draw(_with_peaks(case), rng)
-    return _powers(case, alms, model.resampled(maps, drawn), removers, [drawn] * len(removers))
+    member, powers = cleaned.cleaning(case, removers[0], mask_peaks).resampled(maps, drawn), []
+    known = foreground_given(member.data, products_of_mocks(case, mocks))
+    for remover in removers:
+        found = _found(case, member, remover)
+        power = _power(case, alms, drawn, found)
+        left = foreground_power(known, member.data, remover, found, case.survey.channel_width)
+        powers.append(replace(power, output=power.output.less(left)))
+    return powers
 
 
 def transfer_functions(case, removers, mocks):
@@ -154,7 +175,10 @@ def transfer_functions(case, removers, mocks):
 
 
 def bootstrap(case, removers, mocks):
-    """{method: `TransferFunction`} of members of a bootstrap of a case, with one of some `Mock` each."""
+    """{method: `TransferFunction`} of members of a bootstrap of a case, with one of some `Mock` each.
+
+    What they correct is the power of a residual less `foreground_left`.
+    """
     calls = [(case, tuple(removers), mock, tuple(mocks)) for mock in mocks]
     return _by_method(removers, [resampled(*call) for call in calls])
 

@@ -91,13 +91,41 @@ class SmoothForeground:
         axes = _axes(self.roots, totals, self.n_modes, self.n_exact)
         return _with_scatter(replace(self, axes=axes).mean(data), rng)
 
-    def mean(self, data):
-        """The mean of the foreground given the data, and the filter that makes it, a `FilteredSeparation`."""
+    def _filter(self, data):
+        """The Wiener filter that makes the mean of the foreground given the data, a `SpectralFilter`."""
         seen = smooth_seen(data, N_SMOOTH)
         edges = multipole_bands(len(seen) - 1)
         bands = zip(edges, self.roots, self.axes, strict=True)
         spectra = [seen[first : last + 1] @ root @ axes for (first, last), root, axes in bands]
-        linear = SpectralFilter.wiener(spectra, self.faint, edges)
+        return SpectralFilter.wiener(spectra, self.faint, edges)
+
+    def residual_covariances(self, data, separation, beams=None):
+        """Covariance of what a method leaves of the foreground given the data, of each l in turn.
+
+        A mean over the 2 l + 1 modes, (n_channels, n_channels), mK^2: that of the mean of the foreground, and
+        of what is not known of it.
+
+        Parameters
+        ----------
+        data
+            The `Data` that this is the foreground of.
+        separation
+            What the method found, whose spectra are held fixed. It leaves what least squares do not fit with
+            these, or its filter does not hold.
+        beams
+            b_l that the method has its spectra seen through, (n_channels, lmax + 1), if it does.
+        """
+        linear = self._filter(data)
+        for degree, keeps in enumerate(_kept(separation, beams, len(linear.spectra))):
+            spectra, estimator = linear.spectra[degree], linear.estimators[degree]
+            mean = spectra @ (estimator @ data.modes.at(degree))
+            covariance = mean @ mean.T / (2 * degree + 1) + spectra @ estimator @ linear.faint_at(degree)
+            # Means are subtracted.
+            yield keeps @ covariance @ keeps.T if degree else np.zeros_like(covariance)
+
+    def mean(self, data):
+        """The mean of the foreground given the data, and the filter that makes it, a `FilteredSeparation`."""
+        linear = self._filter(data)
         mean = filtered(linear.spectra, linear.estimators, data.project, data.modes)
         return FilteredSeparation(
             mixing=mean.spectra, sources=mean.maps, low_rank=mean, filter=linear, means=data.means
@@ -203,6 +231,19 @@ def _axes(roots, totals, n_modes, n_exact):
         several.append(np.linalg.solve(root, last) * np.sqrt(np.clip(share, 0, 1)))
     n_axes = max(one.shape[1] for one in several)
     return [np.pad(one, ((0, 0), (0, n_axes - one.shape[1]))) for one in several]
+
+
+def _kept(separation, beams, n_degrees):
+    """1 - W_l G_l of a `Separation` for each l in turn, (n_channels, n_channels): what it leaves."""
+    if isinstance(separation, FilteredSeparation):
+        pairs = zip(separation.filter.spectra, separation.filter.estimators, strict=True)
+    elif beams is None:
+        pairs = [(separation.mixing, np.linalg.pinv(separation.mixing, rcond=RANK))] * n_degrees
+    else:
+        seen = (beams / beams.max(axis=0)).T[:n_degrees, :, None] * separation.mixing
+        pairs = zip(seen, np.linalg.pinv(seen, rcond=RANK), strict=True)
+    for spectra, estimator in pairs:
+        yield np.eye(len(spectra)) - spectra @ estimator
 
 
 def _with_scatter(mean, rng):

@@ -7,8 +7,9 @@ from scipy.stats import binomtest
 
 from himap.core.checks import whole_number
 from himap.measures.bootstrap import KINDS, sigma
+from himap.measures.transfer import quotient
 from himap.paper import grid
-from himap.paper.mocks import bootstrap, mocks_of_sky, own_recovery, resampled
+from himap.paper.mocks import bootstrap, foreground_left, mocks_of_sky, own_recovery, resampled
 from himap.paper.record import Experiment
 from himap.store.store import product
 
@@ -50,17 +51,24 @@ def measure(sky):
     return [
         grid.method_columns(remover) | row
         for case, remover in pairs
-        for row in corrected_bands(own_recovery(case, remover), found[case][remover])
+        for row in corrected_bands(
+            own_recovery(case, remover), foreground_left(case, remover, sky.mocks), found[case][remover]
+        )
     ]
 
 
-def corrected_bands(power, transfer):
-    """Rows of one method, from the `MockPower` of the truth and a `TransferFunction` of two mocks or more."""
-    corrected, foreground = {}, {}
+def corrected_bands(power, left, transfer):
+    """Rows of one method, from the `MockPower` of the truth and a `TransferFunction` of two mocks or more.
+
+    `left` is the `HarmonicPower` of what the method leaves of the foreground, as estimated from the data.
+    """
+    corrected, foreground, less = {}, {}, power.output.less(left)
     for kind in KINDS:
-        true, left = (getattr(part, kind) for part in (power.input, power.output))
-        corrected[kind] = np.r_[np.nan, transfer.corrected(kind, left)[1:] / true[1:]]
-        foreground[kind] = np.r_[np.nan, transfer.foreground(kind)[1:] / true[1:]]
+        true, residual = (getattr(part, kind)[1:] for part in (power.input, power.output))
+        found = transfer.corrected(kind, getattr(less, kind))[1:]
+        whole = quotient(residual, getattr(transfer, kind)[1:])
+        corrected[kind] = np.r_[np.nan, found / true]
+        foreground[kind] = np.r_[np.nan, (whole - found) / true]
     errors = power.band_means({kind: transfer.errors(kind) for kind in corrected})
     rows = grid.band_rows(power, uncorrected=power.ratios(), corrected=corrected, foreground=foreground)
     return [row | {"error_bar": float(sigma(errors[row["band"]]))} for row in rows]
