@@ -22,7 +22,7 @@ from himap.measures.transfer import (
     mock_power,
     quotient,
 )
-from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of
+from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of, without_one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +123,7 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     member is drawn from what is known of that of the cube, if its HI and noise are like the mocks
     (`himap.removal.smooth_posterior.SmoothForeground`), so that it has what the method leaves in the residual
     too. Else it is the one that the method estimated. What the method leaves of a drawn foreground is
-    estimated from each member as it is from the cube, so that members have the errors of this estimate.
+    estimated from each member and the other mocks, as it is from the cube: members have the errors of that.
 
     Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing the mock,
     what comes back of it and the residual of the cube all count as 0, so that their ratios are right.
@@ -157,7 +157,8 @@ def measure_transfer(cleaned, mocks, *, beams=None):
         if drawn:  # all mocks are looked at twice
             members = [_in_files(Path(folder) / str(n), arrays) for n, arrays in enumerate(members)]
             data = _with_beams(cleaned, beams)
-            products = _products(cube, data.beams, members) if members else None
+            lmax = min(3 * cube.nside, data.beams.shape[1]) - 1
+            products = _products([alms for alms, *_ in members], lmax) if members else None
             known = foreground_given(data, products) if members else None
         for n, (alms, mock, powers) in enumerate(members):
             if any(np.array_equal(powers, others) for others in in_parts):
@@ -168,8 +169,9 @@ def measure_transfer(cleaned, mocks, *, beams=None):
             member = cleaned.resampled(mock, before)
             power = _member_power(member, mock, alms, before)
             if drawn:
+                others = without_one(products, len(members), _products([alms], lmax))
                 own = _with_beams(member, beams)
-                estimate = _left(member, own, foreground_given(own, products))
+                estimate = _left(member, own, foreground_given(own, others))
                 power = replace(power, output=power.output.less(estimate))
             mock_powers.append(power)
             in_parts.append(np.array(powers))
@@ -188,10 +190,9 @@ def _with_beams(cleaned, beams):
     return replace(cleaned.data, weights=None, beams=beams, seed=None, known={})
 
 
-def _products(cube, beams, members):
-    """`products_of` mocks with the coefficients that come first in `members`, as far as the beams reach."""
-    lmax = min(3 * cube.nside, beams.shape[1]) - 1
-    return products_of((sphere.alms_upto(alms, lmax) for alms, *_ in members), lmax)
+def _products(fields, lmax):
+    """`products_of` fields whose coefficients may go beyond `lmax`."""
+    return products_of((sphere.alms_upto(alms, lmax) for alms in fields), lmax)
 
 
 def _left(cleaned, data, known):

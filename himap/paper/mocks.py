@@ -13,7 +13,7 @@ from himap.maps import sphere
 from himap.measures.transfer import TransferFunction, foreground_power, mock_power
 from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
-from himap.removal.smooth_posterior import foreground_given, products_of
+from himap.removal.smooth_posterior import foreground_given, products_of, without_one
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 from himap.store.store import product
@@ -153,14 +153,15 @@ def resampled(case, removers, mock, mocks, mask_peaks=True):
 
     For all methods the foreground is drawn from what is known of it if HI and noise are like some `mocks`
     (`SmoothForeground`). A method with few spectra has less of the foreground and more of HI in what it
-    finds. The power of what it leaves of the foreground is estimated from the member, as `foreground_left`
-    is from the data, and subtracted from the output.
+    finds. The power of what it leaves of the foreground is estimated from the member and the other mocks, as
+    `foreground_left` is from the data, and subtracted from the output.
     """
     alms, maps = _alms_and_maps(case, mock)
     rng = replace(case.survey, seed=mock.seed).rng("foreground")
     drawn = foreground_like(case, mocks).draw(_with_peaks(case), rng)
     member, powers = cleaned.cleaning(case, removers[0], mask_peaks).resampled(maps, drawn), []
-    known = foreground_given(member.data, products_of_mocks(case, mocks))
+    own = products_of([alms], case.survey.lmax)
+    known = foreground_given(member.data, without_one(products_of_mocks(case, mocks), len(mocks), own))
     for remover in removers:
         found = _found(case, member, remover)
         power = _power(case, alms, drawn, found)

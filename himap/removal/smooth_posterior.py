@@ -41,6 +41,11 @@ def products_of(fields, lmax):
     return products / n_fields / np.array(n_modes)[:, None, None]
 
 
+def without_one(products, n_fields, own):
+    """`products_of` so many fields, without those of one of them, `own`; of one field they remain."""
+    return (n_fields * products - own) / (n_fields - 1) if n_fields > 1 else products
+
+
 @dataclass(frozen=True, kw_only=True)
 class SmoothForeground:
     """The covariance of the foreground of some data, if HI and noise are like mocks.
