@@ -28,6 +28,7 @@ from himap.maps import sphere
 from himap.maps.masks import bin_matrix
 from himap.measures.bootstrap import covariance
 from himap.measures.spectra import angular_power, frequency_power
+from himap.removal.smooth_spectra import smooth_basis
 
 
 def blue(rng, scale=1.0):
@@ -158,6 +159,23 @@ class TestMeasured:
             corrected_by(cleaned, mocks, comparison, beams=windows)[0] for windows in (BEAMS, None)
         )
         assert pulls_of(with_beams)[1] < 4 < 12 < pulls_of(without)[0]
+
+    def test_error_bars_are_those_of_hi_alone_however_much_foreground_remains(self, cube, truth, rng):
+        """Of a third smooth spectrum, as bright as HI and 16 times, the power is estimated from the cube.
+
+        So is its chance correlation with HI, and only that of HI by itself is not known.
+        """
+        basis, bars = smooth_basis(FREQS, 3), []
+        bright = basis[:, :2] @ (1e3 * rng.standard_normal((2, N_PIX)))
+        mocks, source = [blue(rng) for _ in range(8)], blue(rng)[:1]
+        for amplitude in (0, 1, 4):
+            maps = bright + amplitude * basis[:, 2:] @ source + truth
+            some = replace(cube, maps=maps.astype(np.float32))
+            both, _ = corrected_by(clean_cube(some, "pca", n_sources=2, peaks=False), mocks, beams=BEAMS)
+            of_bands = in_bands(both).items()
+            bars.append([one.sigma([i / i.sum()])[0] for name, (one, i) in of_bands if "20-39" not in name])
+        for factor in bars[1:] / np.array(bars[0]):
+            assert 0.6 < np.exp(np.mean(np.log(factor))) < 1.8
 
     def test_table_and_file_of_spectra(self, cube, cleaned, truth, rng, tmp_path):
         comparison, mocks = compared(cleaned, replace(cube, maps=truth)), [blue(rng) for _ in range(2)]

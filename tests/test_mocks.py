@@ -10,11 +10,13 @@ from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
+from himap.measures.transfer import foreground_power
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import (
     Mock,
     bootstrap,
     first_mocks,
+    foreground_left,
     foreground_like,
     mock_alms,
     own_recovery,
@@ -24,6 +26,7 @@ from himap.paper.mocks import (
 from himap.removal import PCA, BeamSubspace, SDecGMCA, harmonic
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
+from himap.removal.smooth_posterior import foreground_given, products_of
 from himap.removal.smooth_spectra import multipole_bands
 
 SURVEY = Survey.preset("ci", nside=8, n_channels=16, box_cells=16)
@@ -128,21 +131,32 @@ def test_the_truth_comes_back_as_it_was_assessed():
 class TestBootstrap:
     CASE = pipeline.Case(survey=replace(SURVEY, nside=16, n_channels=40), beam=Oscillating())
 
-    def test_members_have_a_foreground_drawn_from_smooth_spectra(self):
-        """And the mock, from which each method finds it anew, without the peaks of both."""
+    @pytest.mark.parametrize("others", [(), (Mock(seed=8),)])
+    def test_members_have_a_foreground_drawn_from_smooth_spectra(self, others):
+        """And the mock, from which each method finds it anew, without the peaks of both.
+
+        What it leaves of the foreground is subtracted, as it is estimated from all this and other mocks, if
+        there are any.
+        """
         removers, freqs = (PCA(n_sources=3), BeamSubspace(n_sources=3)), self.CASE.survey.freqs
         rng = replace(self.CASE.survey, seed=USUAL.seed).rng("foreground")
         data = cleaned.data_of(self.CASE, pipeline.observation(self.CASE).maps)
-        model = foreground_like(self.CASE, (USUAL,)).draw(data, rng)
+        mocks = (USUAL, *others)
+        model = foreground_like(self.CASE, mocks).draw(data, rng)
         alms = mock_alms(self.CASE, USUAL)
         maps = sphere.synthesise_cube(alms, 16, n_channels=40, label="")
         maps += model.foreground.cube() + model.means[:, None].astype(np.float32)
         given = {"freqs": freqs, "beams": pipeline.observation(self.CASE).beams}
-        low = slice(2, 33)
-        for remover, found in zip(removers, resampled(self.CASE, removers, USUAL, (USUAL,)), strict=True):
-            residual = remover.clean(maps, separate_on=mask_peaks(maps, freqs).maps, **given).residual
-            expected = sphere.power_spectrum(sphere.analyse(residual)).mean(axis=0)
-            assert found.output.angular[low] == pytest.approx(expected[low], rel=0.01)
+        low, member = slice(2, 33), Data.of(maps, **given)
+        known = foreground_given(
+            member, products_of([mock_alms(self.CASE, one) for one in others] or [alms], 47)
+        )
+        for remover, found in zip(removers, resampled(self.CASE, removers, USUAL, mocks), strict=True):
+            cleaned_one = remover.clean(maps, separate_on=mask_peaks(maps, freqs).maps, **given)
+            expected = sphere.power_spectrum(sphere.analyse(cleaned_one.residual)).mean(axis=0)
+            left = foreground_power(known, member, remover, cleaned_one.separation, np.ptp(freqs[:2])).angular
+            assert left[low].min() > 0
+            assert np.abs((found.output.angular - expected + left) / expected)[low].max() < 0.01
 
     def test_hi_and_noise_are_those_of_the_mocks(self):
         """In correlation, here in the third band; their power is that of the truth."""
@@ -163,10 +177,12 @@ class TestBootstrap:
         """Two spectra are too few: they leave thousands of times the power of HI and noise."""
         remover, middle = BeamSubspace(n_sources=n_sources), slice(5, 20)
         power = own_recovery(self.CASE, remover)
-        found = bootstrap(self.CASE, [remover], first_mocks(8, [self.CASE]))[remover]
+        mocks = tuple(first_mocks(8, [self.CASE]))
+        found = bootstrap(self.CASE, [remover], mocks)[remover]
         true, residual = (getattr(power, part).angular for part in ("input", "output"))
         assert before[0] < (residual[middle] / true[middle]).mean() < before[1]
-        after = found.corrected("angular", residual)
+        less = power.output.less(foreground_left(self.CASE, remover, mocks)).angular
+        after = found.corrected("angular", less)
         assert (after[middle] / true[middle]).mean() == pytest.approx(1, abs=close)
 
     def test_too_few_channels_are_refused_with_the_way_out(self):

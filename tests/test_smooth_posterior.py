@@ -10,7 +10,8 @@ from himap.maps import sphere
 from himap.removal import harmonic
 from himap.removal.analysis import CubeModes
 from himap.removal.data import Data
-from himap.removal.smooth_posterior import SmoothForeground, foreground_given, products_of
+from himap.removal.separation import Separation
+from himap.removal.smooth_posterior import SmoothForeground, foreground_given, products_of, without_one
 from himap.removal.smooth_spectra import multipole_bands, smooth_basis
 
 ENDS = BEAMS[:, : LMAX + 1]
@@ -77,8 +78,11 @@ def test_mocks_need_not_have_the_power_of_the_data(products):
     assert other == pytest.approx(usual, abs=1e-5 * float(usual.std()))
 
 
-def test_draws_given_the_covariance_have_its_posterior(rng):
-    """Sources as bright as noise, and of a quarter: their means have 1 / 2 and 1 / 5 of the variance."""
+def certain(rng):
+    """`SmoothForeground` of certain covariance, its `Data`, and its smooth functions, (n_channels, 6).
+
+    Sources as bright as noise, and of a quarter.
+    """
     basis, variances = smooth_basis(FREQS, 6), np.array([1, 0.25, *np.zeros(4)])
     shape = (len(basis), (3 * NSIDE) ** 2)
     alms = basis @ (np.sqrt(variances)[:, None] * rng.standard_normal((6, shape[1]))) + rng.standard_normal(
@@ -92,24 +96,81 @@ def test_draws_given_the_covariance_have_its_posterior(rng):
         faint=np.array([np.eye(len(basis))] * n_bands),
         roots=np.array([np.eye(6)] * n_bands),
         axes=[np.diag(np.sqrt(variances))] * n_bands,
-        n_modes=(10**9,) * n_bands,  # so that the covariance is certain
+        n_modes=(10**9,) * n_bands,
         n_exact=n_bands,
     )
+    return known, data, basis
+
+
+def test_draws_given_the_covariance_have_its_posterior(rng):
+    """The means of its sources have 1 / 2 and 1 / 5 of their variance."""
+    known, data, basis = certain(rng)
+    variances = np.array([1, 0.25])
 
     def sources_of(found):
         modes = harmonic.to_modes(sphere.analyse(found.foreground.maps, 2 * NSIDE))
         return (basis[:, :2].T @ found.foreground.spectra) @ modes
 
     mean, drawn = sources_of(known.mean(data)), [sources_of(known.draw(data, rng)) for _ in range(10)]
-    gain = variances[:2] / (variances[:2] + 1)
-    assert np.cov(mean) == pytest.approx(np.diag(variances[:2] * gain), abs=0.06)
-    assert np.cov(np.hstack(drawn)) == pytest.approx(np.diag(variances[:2]), abs=0.12)
+    gain = variances / (variances + 1)
+    assert np.cov(mean) == pytest.approx(np.diag(variances * gain), abs=0.06)
+    assert np.cov(np.hstack(drawn)) == pytest.approx(np.diag(variances), abs=0.12)
     differences = [one - other for one, other in zip(drawn[::2], drawn[1::2], strict=True)]
     assert np.cov(np.hstack(differences)) == pytest.approx(np.diag(2 * gain), abs=0.12)
     assert np.mean(np.square([one[:, 0] for one in drawn])) < 0.05  # means are subtracted
     turned = replace(known, axes=[axes * [-1, *np.ones(5)] for axes in known.axes])
     both = (one.draw(data, np.random.default_rng(1)).foreground for one in (known, turned))
     assert np.ptp([one.cube() for one in both], axis=0).max() < 1e-4  # the sign of an axis is chance
+
+
+def found_with(mixing):
+    """A `Separation` with these spectra, (n_channels, n_sources)."""
+    return Separation(mixing=mixing, sources=np.zeros((mixing.shape[1], 12 * NSIDE**2)))
+
+
+def test_what_a_method_leaves_of_a_known_foreground(rng):
+    """Its variances v, those of other spectra, or v / (1 + v)^2 where its mean is removed."""
+    known, data, basis = certain(rng)
+    for separation, expected in (
+        (found_with(np.zeros((len(basis), 1))), [1, 0.25]),
+        (found_with(3 * basis[:, [0, 0]]), [0, 0.25]),
+        (known.mean(data), [1 / 4, 0.25 / 1.25**2]),
+    ):
+        left = [*known.residual_covariances(data, separation)]
+        powers = [np.diag(basis[:, :2].T @ one @ basis[:, :2]) for one in left[1 : 2 * NSIDE]]
+        mean = np.average(powers, axis=0, weights=2 * np.arange(1, 2 * NSIDE) + 1)
+        assert mean == pytest.approx(expected, abs=0.06)
+        assert len(left) == 3 * NSIDE and not left[0].any()  # means are subtracted
+
+
+def test_a_method_has_its_spectra_seen_through_its_beams(rng):
+    """Which leaves nothing where they are those of the foreground, here at l = 10."""
+    known, data, basis = certain(rng)
+    beams = np.linspace(0.5, 1, len(basis))[:, None] ** np.linspace(0, 2, 3 * NSIDE)
+    separation = found_with(basis[:, :1] / beams[:, 10:11])
+    left = [basis[:, 0] @ one @ basis[:, 0] for one in known.residual_covariances(data, separation, beams)]
+    assert left[10] == pytest.approx(0, abs=1e-9)
+    assert left[5] > 1e-4 < left[20]
+
+
+def test_the_chance_correlation_of_what_is_left_with_hi_is_in_its_estimate(rng):
+    """Of a spectrum as bright as noise what is estimated is the power of both, less that of noise alone."""
+    axis, errors = smooth_basis(FREQS, 6)[:, 0], []
+    for _ in range(12):
+        noise, source = modes_in_bands(np.ones(65), 64, rng)
+        data = data_of_modes(noise + np.outer(axis, source), 64)
+        left = known_of(data).residual_covariances(data, found_with(np.zeros((len(axis), 1))))
+        total = sum((2 * degree + 1) * (axis @ one @ axis) for degree, one in enumerate(left))
+        true, along = np.sum(source[1:] ** 2), (axis @ noise)[1:]
+        errors.append([total - true, 2 * along @ source[1:] + np.sum(along**2 - 1)])
+    assert np.corrcoef(np.transpose(errors))[0, 1] > 0.9
+
+
+@pytest.mark.parametrize("n_fields", [1, 2, 5])
+def test_products_without_one_are_those_of_the_others(rng, n_fields):
+    fields = rng.standard_normal((n_fields, 3, sphere.alm_size(9))) + 0j
+    found = without_one(products_of(fields, 9), n_fields, products_of(fields[:1], 9))
+    assert found == pytest.approx(products_of(fields[1:] if n_fields > 1 else fields, 9))
 
 
 def test_draws_scatter_as_estimates_do(products):
@@ -129,19 +190,30 @@ def test_draws_scatter_as_estimates_do(products):
     assert 0.5 < np.sqrt(np.mean(np.square(scatter))) / np.std(errors) < 3
 
 
-def known_in_bands(variances, lmax, rng, products=None):
-    """`SmoothForeground` of white noise and one faint smooth spectrum, with its `variances` by l."""
-    basis = smooth_basis(FREQS, 6)
+def modes_in_bands(variances, lmax, rng):
+    """Of white noise, (n_channels, n_modes), and of one source with its `variances` by l, (n_modes,)."""
     scale = np.repeat(np.sqrt(variances), 2 * np.arange(lmax + 1) + 1)
-    modes = rng.standard_normal((len(basis), len(scale))) + basis[:, :1] * scale * rng.standard_normal(
-        len(scale)
-    )
-    maps = np.zeros((len(basis), 12 * 32**2), np.float32)
-    data = Data.of(maps, freqs=FREQS, beams=np.ones((len(basis), lmax + 1)))
-    empty = np.zeros((len(basis), 0)), np.zeros((0, len(scale)))
+    return rng.standard_normal((len(FREQS), len(scale))), scale * rng.standard_normal(len(scale))
+
+
+def data_of_modes(modes, lmax):
+    maps = np.zeros((len(FREQS), 12 * 32**2), np.float32)
+    data = Data.of(maps, freqs=FREQS, beams=np.ones((len(FREQS), lmax + 1)))
+    empty = np.zeros((len(FREQS), 0)), np.zeros((0, modes.shape[1]))
     data.known["modes"] = CubeModes(spectra=empty[0], bright=empty[1], rest=modes.astype(np.float32))
-    white = [np.eye(len(basis))] * len(multipole_bands(lmax))
+    return data
+
+
+def known_of(data, products=None):
+    """The `SmoothForeground` of data with white noise, unless HI and noise have other `products`."""
+    white = [np.eye(len(FREQS))] * len(multipole_bands(data.beams.shape[1] - 1))
     return foreground_given(data, np.array(white if products is None else products))
+
+
+def known_in_bands(variances, lmax, rng, products=None):
+    """That of white noise and one faint smooth spectrum, with its `variances` by l."""
+    noise, source = modes_in_bands(variances, lmax, rng)
+    return known_of(data_of_modes(noise + np.outer(smooth_basis(FREQS, 6)[:, 0], source), lmax), products)
 
 
 def in_bands(variances, lmax, rng):

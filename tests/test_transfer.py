@@ -69,6 +69,17 @@ def made_up(kept, noise=0.0, input=1.0):
     return MockPower(*(HarmonicPower(power=power, n_channels=6, channel_width=1.0) for power in powers))
 
 
+@pytest.mark.parametrize("n_l", [2, 5, 9])
+def test_power_less_that_of_a_cube_that_ends_elsewhere(n_l):
+    one, other = (
+        HarmonicPower(power=power, n_channels=6, channel_width=1.0)
+        for power in (np.full((5, 4), 3.0), np.ones((n_l, 4)))
+    )
+    expected = np.array([2.0] * min(n_l, 5) + [3.0] * (5 - min(n_l, 5)))
+    assert one.less(other).power == pytest.approx(np.repeat(expected, 4).reshape(5, 4))
+    assert (one.power == 3).all()
+
+
 class TestTransferFunction:
     def test_what_comes_back_and_is_unlike_the_mocks_is_subtracted(self):
         """0.8 of the amplitude of mocks and data of power 5 comes back, and a foreground of 0.3."""
