@@ -28,18 +28,20 @@
 # whose truth is known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the mock
 # $m$ replaces
 # the HI and noise of the data, and with an estimated foreground $\hat f$ it is cleaned like the data, peak
-# masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and their means give
+# masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and an estimate $F_m$ of the
+# power that the method leaves of the foreground, made from the member as $F$ is made from the data. Their means
+# give
 #
 # ```{math}
 # T = \frac{\langle r\, m^* \rangle}{\langle |m|^2 \rangle} , \qquad
-# b = \langle |r|^2 \rangle - T\, \langle |m|^2 \rangle , \qquad
-# \hat P = \frac{P - b}{T} .
+# b = \langle |r|^2 - F_m \rangle - T\, \langle |m|^2 \rangle , \qquad
+# \hat P = \frac{P - F - b}{T} .
 # ```
 #
 # $r$ and $m$ are harmonic or Fourier coefficients, and $P$ is the power of the residual of the data. $T$ is
 # the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the power of the residual
-# beyond $T\, \langle |m|^2 \rangle$, and $\hat P$ the corrected spectrum. The truth $m$ is HI and noise, through
-# the beam. The error bar is the root mean square of $\hat P / |m|^2 - 1$ of the members, each corrected by the
+# beyond $F_m$ and $T\, \langle |m|^2 \rangle$, and $\hat P$ the corrected spectrum. The truth $m$ is HI and
+# noise, through the beam. The error bar is the root mean square of $\hat P / |m|^2 - 1$ of the members, each corrected by the
 # others, times Student's factor for their number. The paper has no such correction.
 #
 # **Which foreground?** The sources of a method lack some of the foreground, and the faintest contain some HI.
@@ -51,9 +53,17 @@
 # estimated from other skies like this one, then a foreground from its posterior given the data
 # ({cite:t}`wandelt2004`). The mean of this posterior, a Wiener filter, has less power than the foreground,
 # above all where the foreground is no brighter than HI. Beyond $\ell = 2 n_\mathrm{side}$, where errors of
-# HEALPix can be brighter than HI, it has the spectra of the last band below. $b$ has the foreground residual,
-# its cross power with the residual of the mock and, unless the loss is that of a fixed projection, a negative
-# part without any foreground.
+# HEALPix can be brighter than HI, it has the spectra of the last band below.
+#
+# **What does the method leave of it?** $F$ is the expected power of the foreground, given the data, in what the
+# method leaves with its spectra held fixed: what least squares do not fit with these, seen through the beam if
+# the method uses it, or what its filter does not hold. A foreground that remains has chance correlations with
+# HI, which are in $P$ and in $F$ alike, and cancel. So they do in the members, since each has an $F_m$ of its
+# own, from the covariance of the other mocks; the same $F$ for all of them would make the error bar too large,
+# by a factor of $(1 + 4v)^{1/2}$ for a spectrum that remains with $v$ times the power of HI. $b$ is then the
+# bias of $F$, the cross power of foreground residual and residual of the mock, and, unless the loss is that of
+# a fixed projection, a negative part without any foreground.
+#
 # `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam`, for methods that
 # need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and its foreground
 # residual remains unknown. A check that needs no $\hat f$ is always made: the corrected power is compared
@@ -92,7 +102,7 @@ from himap.measures.diagnostics import Comparison
 from himap.paper.experiment_figures import transfer_figure
 from himap.paper.experiments.transfer import EXPERIMENT, chi_squared, coverage, skies, with_systematic
 from himap.paper.grid import make_products
-from himap.paper.mocks import Mock, bootstrap, own_recovery, resampled
+from himap.paper.mocks import Mock, bootstrap, foreground_left, own_recovery, resampled
 from himap.paper.record import Record
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
@@ -126,6 +136,7 @@ shades = dict(zip(removers, styles.sequence(list(names.values())), strict=True))
 # %% tags=["hide-input"]
 transfer = bootstrap(case, removers, mocks)
 own = {remover: own_recovery(case, remover) for remover in removers}
+left = {remover: foreground_left(case, remover, mocks) for remover in removers}
 l_top = min(study.l_top, 200)
 
 
@@ -166,7 +177,8 @@ def compared(remover, correct=False):
     """A `Comparison` of the residual with the truth, corrected or not."""
     found, one = transfer[remover], own[remover]
     inside = (found.degrees >= 2) & (found.degrees <= l_top)
-    angular, frequency = one.output.angular, one.output.frequency
+    power = one.output.less(left[remover]) if correct else one.output
+    angular, frequency = power.angular, power.frequency
     if correct:
         angular, frequency = found.corrected("angular", angular), found.corrected("frequency", frequency)
     return Comparison(
@@ -198,7 +210,7 @@ study.stamped(plotting.spectrum(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
 # The table has the power in bands over the truth, uncorrected and corrected; *foreground* is the foreground
-# residual that was subtracted, $b/T$. How often the truth lies within error bars is measured on many skies below.
+# residual that was subtracted, $P/T - \hat P$. How often the truth lies within error bars is measured on many skies below.
 
 # %% tags=["hide-input"]
 rows = {}
@@ -512,7 +524,8 @@ show_table(rows, columns=4)
 # </details>
 #
 # **2.** In a bootstrap $r = 0.9\, m + e$, where $e$ is uncorrelated with $m$ and has the power
-# $0.05\, \langle |m|^2 \rangle$. What are $T$ and $b$, and what is $\hat P$ of a residual of power $P$?
+# $0.05\, \langle |m|^2 \rangle$, and all $F$ are 0. What are $T$ and $b$, and what is $\hat P$ of a residual
+# of power $P$?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
