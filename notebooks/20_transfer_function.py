@@ -26,11 +26,10 @@
 # Every method removes some HI and leaves some foreground. The paper measures their net effect against the
 # truth, which an observation does not have. This chapter estimates both from **mocks**, skies of HI and noise
 # whose truth is known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the mock
-# $m$ replaces
-# the HI and noise of the data, and with an estimated foreground $\hat f$ it is cleaned like the data, peak
-# masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and an estimate $F_m$ of the
-# power that the method leaves of the foreground, made from the member as $F$ is made from the data. Their means
-# give
+# $m$ replaces the HI and noise of the data, and with an estimated foreground $\hat f$ it is cleaned like the
+# data, peak masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and an estimate
+# $F_m$ of the power that the method leaves of the foreground, made from the member as $F$ is from the data.
+# Their means give
 #
 # ```{math}
 # T = \frac{\langle r\, m^* \rangle}{\langle |m|^2 \rangle} , \qquad
@@ -41,8 +40,8 @@
 # $r$ and $m$ are harmonic or Fourier coefficients, and $P$ is the power of the residual of the data. $T$ is
 # the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the power of the residual
 # beyond $F_m$ and $T\, \langle |m|^2 \rangle$, and $\hat P$ the corrected spectrum. The truth $m$ is HI and
-# noise, through the beam. The error bar is the root mean square of $\hat P / |m|^2 - 1$ of the members, each corrected by the
-# others, times Student's factor for their number. The paper has no such correction.
+# noise, through the beam. The error bar is the root mean square of $\hat P / |m|^2 - 1$ of the members, each
+# corrected by the others, times Student's factor for their number. The paper has no such correction.
 #
 # **Which foreground?** The sources of a method lack some of the foreground, and the faintest contain some HI.
 # With its estimate as $\hat f$ the mocks would have no foreground residual, and the correction would subtract
@@ -55,14 +54,18 @@
 # above all where the foreground is no brighter than HI. Beyond $\ell = 2 n_\mathrm{side}$, where errors of
 # HEALPix can be brighter than HI, it has the spectra of the last band below.
 #
-# **What does the method leave of it?** $F$ is the expected power of the foreground, given the data, in what the
-# method leaves with its spectra held fixed: what least squares do not fit with these, seen through the beam if
-# the method uses it, or what its filter does not hold. A foreground that remains has chance correlations with
-# HI, which are in $P$ and in $F$ alike, and cancel. So they do in the members, since each has an $F_m$ of its
-# own, from the covariance of the other mocks; the same $F$ for all of them would make the error bar too large,
-# by a factor of $(1 + 4v)^{1/2}$ for a spectrum that remains with $v$ times the power of HI. $b$ is then the
-# bias of $F$, the cross power of foreground residual and residual of the mock, and, unless the loss is that of
-# a fixed projection, a negative part without any foreground.
+# **What does the method leave of it?** $F$ is a power too, by $\ell$ and $k_\nu$: what is expected of the
+# posterior above in the part that the method leaves with its spectra held fixed. That is what least squares do
+# not fit with these spectra, seen through the beam if the method uses it, or what the filter of SmoothSpectra
+# does not hold; what other methods leave beyond that is in $b$. For $F_m$ the member takes the place of the
+# data, and HI and noise have the covariance of the other mocks.
+#
+# A foreground that remains is by chance correlated with HI. In bands of multipoles where it is seen, this
+# correlation is in $P$ and in $F$, and largely cancels. In the members it does so only because each has an
+# $F_m$ of its own: with the same $F$ for all, error bars would be too large, for many mocks and one spectrum
+# that remains entirely with $v$ times the power of HI by a factor of $(1 + 4v)^{1/2}$ in the power of that
+# spectrum. $b$ is then what $F$ lacks in the mean, the cross power of foreground residual and residual of the
+# mock, and, unless the loss is that of a fixed projection, a negative part without any foreground.
 #
 # `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam`, for methods that
 # need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and its foreground
@@ -532,8 +535,8 @@ show_table(rows, columns=4)
 #
 # $T = 0.9$, $\langle |r|^2 \rangle = (0.81 + 0.05) \langle |m|^2 \rangle$, so that
 # $b = -0.04\, \langle |m|^2 \rangle$, and $\hat P = (P + 0.04\, \langle |m|^2 \rangle) / 0.9$. For a
-# projection without foreground residual $\langle |r|^2 \rangle = T \langle |m|^2 \rangle$, so that $b$ is the
-# power of the foreground residual alone.
+# projection without foreground residual $\langle |r|^2 \rangle = T \langle |m|^2 \rangle$, so that $F + b$ is
+# the power of the foreground residual alone.
 #
 # </details>
 #

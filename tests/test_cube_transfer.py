@@ -28,6 +28,7 @@ from himap.maps import sphere
 from himap.maps.masks import bin_matrix
 from himap.measures.bootstrap import covariance
 from himap.measures.spectra import angular_power, frequency_power
+from himap.measures.transfer import harmonic_power
 from himap.removal.smooth_spectra import smooth_basis
 
 
@@ -176,6 +177,40 @@ class TestMeasured:
             bars.append([one.sigma([i / i.sum()])[0] for name, (one, i) in of_bands if "20-39" not in name])
         for factor in bars[1:] / np.array(bars[0]):
             assert 0.6 < np.exp(np.mean(np.log(factor))) < 1.8
+
+    @pytest.mark.parametrize(
+        ("method", "parameters"),
+        [
+            ("pca", {"n_sources": 3}),
+            ("polynomial", {"order": 3, "variable": "logarithm"}),
+            ("polynomial", {"order": 4}),
+            ("parametric", {}),
+            ("gnilc", {}),
+        ],
+    )
+    def test_no_method_leaves_more_foreground_than_there_is_power(self, cube, rng, method, parameters):
+        """Also if its spectra are not those of a linear fit."""
+        freqs = np.linspace(900, 1300, len(FREQS))
+        smooth = (freqs / 1000)[:, None] ** np.array([-2.1, -2.8]) @ (1e3 * rng.lognormal(size=(2, N_PIX)))
+        wide = replace(cube, maps=(smooth + blue(rng)).astype(np.float32), freqs=freqs)
+        cleaned = clean_cube(wide, method, peaks=False, **parameters)
+        left = measure_transfer(cleaned, [blue(rng)], beams=BEAMS).left
+        power = harmonic_power(sphere.analyse(cleaned.residual), wide.channel_width)
+        assert (left.frequency[1:4] < 0.9 * power.frequency[1:4]).all()
+
+    @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+    @pytest.mark.parametrize(("method", "more"), [("beam_subspace", {}), ("smooth_spectra", {"n_smooth": 4})])
+    def test_a_method_leaves_what_the_beams_that_it_assumes_do(self, cube, rng, method, more):
+        """Which may not be those of the cube, and end at another l: here nearly all of the residual."""
+        own = np.exp(-0.02 * np.arange(3 * NSIDE) * (FREQS / 1000)[:, None])
+        bright = 1e5 * smooth_basis(FREQS, 2) @ np.vstack([blue(rng)[:1], blue(rng)[:1]])
+        rows = zip(bright, own, strict=True)
+        maps = [sphere.synthesise(sphere.multiply_beam(sphere.analyse(m), b), NSIDE) for m, b in rows]
+        some = replace(cube, maps=(np.array(maps) + blue(rng)).astype(np.float32))
+        cleaned = clean_cube(some, method, n_sources=2, beams=own**1.1, peaks=False, **more)
+        left = measure_transfer(cleaned, [blue(rng)], beams=own[:, : 2 * NSIDE]).left
+        power = harmonic_power(sphere.analyse(cleaned.residual), cube.channel_width)
+        assert left.angular[4:24].sum() == pytest.approx(power.angular[4:24].sum(), rel=0.3)
 
     def test_table_and_file_of_spectra(self, cube, cleaned, truth, rng, tmp_path):
         comparison, mocks = compared(cleaned, replace(cube, maps=truth)), [blue(rng) for _ in range(2)]

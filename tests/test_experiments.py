@@ -136,13 +136,17 @@ class TestMaking:
 
 
 class TestTransfer:
-    def test_in_every_band(self):
-        """0.8 of the amplitude of mocks comes back; the residual of the data has the power 0.9."""
+    @pytest.mark.parametrize("left", [0, 0.05])
+    def test_in_every_band(self, left):
+        """0.8 of the amplitude of mocks comes back; the residual of the data has the power 0.9.
+
+        Of which some is left of the foreground, as far as that is known from the data.
+        """
         mocks = TransferFunction(mocks=(made_up(0.64), made_up(0.64)))
-        found = transfer.corrected_bands(made_up(0.9), mocks)
+        found = transfer.corrected_bands(made_up(0.9), made_up(left).output, mocks)
         assert [row["band"] for row in found] == BANDS
         for row in found:
-            unlike = 0.64 - 0.8
+            unlike = left + 0.64 - 0.8
             both = [row[name] for name in ("uncorrected", "corrected")]
             assert both == pytest.approx([0.9, (0.9 - unlike) / 0.8])
             assert row["foreground"] == pytest.approx(unlike / 0.8)
@@ -150,9 +154,20 @@ class TestTransfer:
 
     def test_error_bars_are_the_scatter_of_mocks(self):
         found = TransferFunction(mocks=(made_up(1.0), made_up(0.64)))
-        row, *_ = transfer.corrected_bands(made_up(0.9), found)
+        row, *_ = transfer.corrected_bands(made_up(0.9), made_up(0.1).output, found)
         first, second = found.errors("angular")[:, 5]
         assert row["error_bar"] == pytest.approx(sigma(np.array([first, second])))
+
+    @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
+    def test_each_method_separates_a_sky_once(self, monkeypatch):
+        """And each member; and nothing that is large is kept."""
+        (sky,) = transfer.skies(**TINY, methods=[["pca", 3]], n_realisations=1, n_mocks=2)
+        calls, separate = [], PCA.separate
+        monkeypatch.setattr(PCA, "separate", lambda *args, **own: calls.append(1) or separate(*args, **own))
+        transfer.measure.compute(sky)
+        assert len(calls) == 3
+        ((case, (pca,)),) = sky.methods.items()
+        assert not cleaned.separation.is_cached(case, pca)
 
     def test_no_two_skies_share_a_mock(self):
         several = transfer.skies(**TINY, methods=[["pca", 3]], n_realisations=3, n_mocks=4)

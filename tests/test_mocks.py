@@ -10,7 +10,7 @@ from himap.core.survey import Survey
 from himap.instrument.beams import Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.maps import sphere
-from himap.measures.transfer import foreground_power
+from himap.measures.transfer import expected_power
 from himap.paper import cleaned, pipeline
 from himap.paper.mocks import (
     Mock,
@@ -154,7 +154,9 @@ class TestBootstrap:
         for remover, found in zip(removers, resampled(self.CASE, removers, USUAL, mocks), strict=True):
             cleaned_one = remover.clean(maps, separate_on=mask_peaks(maps, freqs).maps, **given)
             expected = sphere.power_spectrum(sphere.analyse(cleaned_one.residual)).mean(axis=0)
-            left = foreground_power(known, member, remover, cleaned_one.separation, np.ptp(freqs[:2])).angular
+            beams = given["beams"] if "beams" in remover.uses else None
+            covariances = known.residual_covariances(member, cleaned_one.separation, beams)
+            left = expected_power(covariances, np.ptp(freqs[:2])).angular
             assert left[low].min() > 0
             assert np.abs((found.output.angular - expected + left) / expected)[low].max() < 0.01
 

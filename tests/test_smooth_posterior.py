@@ -11,7 +11,7 @@ from himap.removal import harmonic
 from himap.removal.analysis import CubeModes
 from himap.removal.data import Data
 from himap.removal.separation import Separation
-from himap.removal.smooth_posterior import SmoothForeground, foreground_given, products_of, without_one
+from himap.removal.smooth_posterior import SmoothForeground, foreground_given, products_of
 from himap.removal.smooth_spectra import multipole_bands, smooth_basis
 
 ENDS = BEAMS[:, : LMAX + 1]
@@ -98,6 +98,8 @@ def certain(rng):
         axes=[np.diag(np.sqrt(variances))] * n_bands,
         n_modes=(10**9,) * n_bands,
         n_exact=n_bands,
+        products=np.array([np.eye(len(basis))] * n_bands),
+        n_mocks=1,
     )
     return known, data, basis
 
@@ -166,11 +168,19 @@ def test_the_chance_correlation_of_what_is_left_with_hi_is_in_its_estimate(rng):
     assert np.corrcoef(np.transpose(errors))[0, 1] > 0.9
 
 
-@pytest.mark.parametrize("n_fields", [1, 2, 5])
-def test_products_without_one_are_those_of_the_others(rng, n_fields):
-    fields = rng.standard_normal((n_fields, 3, sphere.alm_size(9))) + 0j
-    found = without_one(products_of(fields, 9), n_fields, products_of(fields[:1], 9))
-    assert found == pytest.approx(products_of(fields[1:] if n_fields > 1 else fields, 9))
+@pytest.mark.parametrize("n_mocks", [1, 2, 4])
+def test_what_is_known_of_a_member_is_from_other_mocks(n_mocks):
+    """And from the data of the member; from the same mock where there is one."""
+    rng = np.random.default_rng(6)
+    mocks = [make_sky(rng).hi for _ in range(n_mocks)]
+    data, member = (data_of(make_sky(rng).maps) for _ in range(2))
+    found = foreground_given(data, products_of(mocks, LMAX), n_mocks).of_member(member, mocks[0])
+    expected = foreground_given(member, products_of(mocks[1:] or mocks, LMAX), max(n_mocks - 1, 1))
+    assert found.n_mocks == expected.n_mocks
+    assert found.products == pytest.approx(expected.products)
+    assert found.faint == pytest.approx(expected.faint)
+    for one, other in zip(found.axes, expected.axes, strict=True):
+        assert one @ one.T == pytest.approx(other @ other.T, rel=1e-4, abs=1e-6 * np.max(other**2))
 
 
 def test_draws_scatter_as_estimates_do(products):

@@ -17,12 +17,12 @@ from himap.measures.low_rank_spectra import FAINT, masked_alms
 from himap.measures.transfer import (
     HarmonicPower,
     TransferFunction,
-    foreground_power,
+    expected_power,
     harmonic_power,
     mock_power,
     quotient,
 )
-from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of, without_one
+from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +103,7 @@ class CubeTransfer(TransferFunction):
         Whether members have a foreground that was drawn, and not the one that the method estimated.
     left
         The `HarmonicPower` of what the method leaves of the foreground, as estimated from the cube; that of
-        members is subtracted from their output already. None where it is not drawn.
+        each member is subtracted from the output in `mocks` already. None where it is not drawn.
     parts
         The `Parts`.
     powers
@@ -123,7 +123,8 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     member is drawn from what is known of that of the cube, if its HI and noise are like the mocks
     (`himap.removal.smooth_posterior.SmoothForeground`), so that it has what the method leaves in the residual
     too. Else it is the one that the method estimated. What the method leaves of a drawn foreground is
-    estimated from each member and the other mocks, as it is from the cube: members have the errors of that.
+    estimated from each member and the other mocks, as it is from the cube
+    (`himap.removal.smooth_posterior.SmoothForeground.residual_covariances`): members have the errors of that.
 
     Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing the mock,
     what comes back of it and the residual of the cube all count as 0, so that their ratios are right.
@@ -151,53 +152,36 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     cube = cleaned.cube
     _ = cube.nside  # refuses an image in the plane
     drawn = beams is not None and cube.whole_sky and cube.missing is None and len(cube.freqs) > N_SMOOTH
-    parts, before = Parts.of(cleaned), cleaned.separation
-    members, in_parts, mock_powers, left = _analysed(cube, parts, mocks), [], [], None
+    parts, known = Parts.of(cleaned), None
+    members, in_parts, mock_powers = _analysed(cube, parts, mocks), [], []
     with TemporaryDirectory() as folder:
         if drawn:  # all mocks are looked at twice
             members = [_in_files(Path(folder) / str(n), arrays) for n, arrays in enumerate(members)]
-            data = _with_beams(cleaned, beams)
+            # With nothing that is known of the data already, so that these do not keep their modes.
+            data = replace(cleaned.data, weights=None, beams=beams, seed=None, known={})
             lmax = min(3 * cube.nside, data.beams.shape[1]) - 1
-            products = _products([alms for alms, *_ in members], lmax) if members else None
-            known = foreground_given(data, products) if members else None
+            fields = (sphere.alms_upto(alms, lmax) for alms, *_ in members)
+            known = foreground_given(data, products_of(fields, lmax), len(members)) if members else None
         for n, (alms, mock, powers) in enumerate(members):
             if any(np.array_equal(powers, others) for others in in_parts):
                 raise InputError(f"mocks must differ, and number {n + 1} is one of those before it.")
+            before = cleaned.separation
             if drawn:  # from another stream than the mock, which may be drawn from the same number
                 rng = np.random.default_rng(np.random.SeedSequence(n, spawn_key=(1,)))
                 before = known.draw(data, rng)
-            member = cleaned.resampled(mock, before)
-            power = _member_power(member, mock, alms, before)
-            if drawn:
-                others = without_one(products, len(members), _products([alms], lmax))
-                own = _with_beams(member, beams)
-                estimate = _left(member, own, foreground_given(own, others))
-                power = replace(power, output=power.output.less(estimate))
+            power = _member_power(cleaned, mock, alms, before, known, beams)
             mock_powers.append(power)
             in_parts.append(np.array(powers))
-        if drawn and members:
-            left = _left(cleaned, data, known)
+        left = None if known is None else _left(cleaned, data, known)
     return CubeTransfer(
         mocks=tuple(mock_powers), drawn=drawn, left=left, parts=parts, powers=np.array(in_parts)
     )
 
 
-def _with_beams(cleaned, beams):
-    """The `Data` of a `CleanedCube` with the beams b_l.
-
-    With nothing that is known of them already, so that the cube does not keep their modes.
-    """
-    return replace(cleaned.data, weights=None, beams=beams, seed=None, known={})
-
-
-def _products(fields, lmax):
-    """`products_of` fields whose coefficients may go beyond `lmax`."""
-    return products_of((sphere.alms_upto(alms, lmax) for alms in fields), lmax)
-
-
 def _left(cleaned, data, known):
-    """What the method leaves of the foreground of a `CleanedCube`, as it is `known` of the `Data`."""
-    return foreground_power(known, data, cleaned.method, cleaned.separation, cleaned.cube.channel_width)
+    """The `HarmonicPower` of what is left of the foreground of a `CleanedCube`, `known` of its `Data`."""
+    covariances = known.residual_covariances(data, cleaned.separation, cleaned.basis.beams)
+    return expected_power(covariances, cleaned.cube.channel_width)
 
 
 def _analysed(cube, parts, mocks):
@@ -231,20 +215,27 @@ def _in_files(path, arrays):
     return [np.load(file, mmap_mode="r") for file in files]
 
 
-def _member_power(member, mock, alms, before):
-    """The `MockPower` of a mock with the coefficients `alms` in a member of the bootstrap, a `CleanedCube`.
+def _member_power(cleaned, mock, alms, before, known, beams):
+    """The `MockPower` of a mock with the coefficients `alms` as a member of the bootstrap.
 
-    Its foreground is that of the `Separation` `before`.
+    Its foreground is that of the `Separation` `before`. What the method leaves of it is estimated with the
+    `SmoothForeground` `known` and the beams b_l, if there is one, and subtracted from the output.
     """
-    cube, after = member.cube, member.separation
-    alms = alms if after.lmax is None else sphere.alms_upto(alms, after.lmax)
+    cube, member = cleaned.cube, cleaned.resampled(mock, before)
+    after = member.separation
+    to_end = alms if after.lmax is None else sphere.alms_upto(alms, after.lmax)
     if cube.missing is None:
-        return mock_power_of_change(cube, mock, alms, before, after)
+        power = mock_power_of_change(cube, mock, to_end, before, after)
+        if known is None:
+            return power
+        data = replace(member.data, weights=None, beams=beams, seed=None)
+        left = _left(member, data, known.of_member(data, alms))
+        return replace(power, output=power.output.less(left))
     # Both cubes have 0 in the gaps.
     change = after.foreground + -before.foreground
     back = change.subtract_from(mock, after.means - before.means)
     back = alms_of(cube, np.where(cube.missing, 0, back), after.lmax)
-    return mock_power(alms, back, cube.channel_width)
+    return mock_power(to_end, back, cube.channel_width)
 
 
 def alms_of(cube, maps, lmax=None):

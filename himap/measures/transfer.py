@@ -123,8 +123,8 @@ class TransferFunction:
     The transfer function T is the cross power of residual and mock over the power of the mock (Cunnington et
     al. 2023). What a residual has beyond T times its truth has nothing in common with that truth: of members
     of a bootstrap (`himap.removal.cleaning.Cleaning.resampled`) it is foreground residual, and subtracted.
-    Where this is estimated from the member itself (`foreground_power`), and subtracted from its output, so it
-    must be from a residual that is corrected: then the rest is the bias of that estimate.
+    Where it is estimated from the member itself, and subtracted from its output, so it must be from a
+    residual that is corrected: then the rest is what that estimate lacks in the mean.
 
     Attributes
     ----------
@@ -264,43 +264,28 @@ def expected_mock_power(separation, channel_width):
     smooth spectra nearly is. A residual spectrum is to be divided by the share of `cross` alone: it has as
     much foreground as is missing in `output`, if its covariance is the right one. `channel_width` in MHz.
     """
-    linear, covariances = separation.filter, []
+    linear, rows = separation.filter, []
     for degree, (spectra, estimators) in enumerate(zip(linear.spectra, linear.estimators, strict=True)):
         faint = linear.faint_at(degree)
         keeps = np.eye(len(faint)) - spectra @ estimators
         cross = keeps @ faint
-        covariances.append((faint, cross @ keeps.T, cross))
-    return MockPower(*(expected_power(one, channel_width) for one in zip(*covariances, strict=True)))
+        rows.append([_expected(one) for one in (faint, cross @ keeps.T, cross)])
+    return MockPower(*_harmonic_powers(rows, len(faint), channel_width))
 
 
 def expected_power(covariances, channel_width):
-    """The `HarmonicPower` of a field with these covariances of channels, (n_channels, n_channels) for each l.
+    """The `HarmonicPower` of a field with a covariance of channels at each l, (n_channels, n_channels), mK^2.
 
-    In mK^2; the channel width in MHz.
+    Per mode; of one l after the other. The channel width is in MHz.
     """
-    rows = []
-    for covariance in covariances:
-        waves = fft.rfft(np.eye(len(covariance)), axis=0)
-        rows.append([np.sum((waves @ covariance) * waves.conj(), axis=1).real])
-    return _harmonic_powers(rows, len(covariance), channel_width)[0]
+    rows = [(_expected(covariance), len(covariance)) for covariance in covariances]
+    return _harmonic_powers([(row,) for row, _ in rows], rows[0][1], channel_width)[0]
 
 
-def foreground_power(known, data, method, separation, channel_width):
-    """The `HarmonicPower` of what a method leaves of the foreground, as far as that is known of the data.
-
-    Parameters
-    ----------
-    known
-        The `himap.removal.smooth_posterior.SmoothForeground` of the data.
-    data
-        The `Data`, with the beams b_l that a method uses.
-    method, separation
-        The `ForegroundRemover`, and the `Separation` that it found.
-    channel_width
-        MHz.
-    """
-    beams = data.beams if "beams" in method.uses else None
-    return expected_power(known.residual_covariances(data, separation, beams), channel_width)
+def _expected(covariance):
+    """The expected power of Fourier transforms of channels with a covariance, (n_k,)."""
+    waves = fft.rfft(np.eye(len(covariance)), axis=0)
+    return np.sum((waves @ covariance) * waves.conj(), axis=1).real
 
 
 def _harmonic_powers(rows, n_channels, channel_width):

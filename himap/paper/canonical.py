@@ -109,7 +109,6 @@ _PRODUCTS = {
         (replace(SURVEY, seed=7).sky, mocks.Mock(seed=7, gaussian=True, abundance=1.5)),
     ],
     mocks.recovered: [(CASE, (PLAIN, AWARE), mocks.Mock(seed=7))],
-    mocks.products_of_mocks: [(CASE, (mocks.Mock(seed=7),))],
     mocks.foreground_like: [(CASE, (mocks.Mock(seed=7),))],
     mocks.foreground_left: [(CASE, AWARE, (mocks.Mock(seed=7),))],
     mocks.resampled: [(CASE, (PLAIN, AWARE), mocks.Mock(seed=7), (mocks.Mock(seed=7), mocks.Mock(seed=8)))],

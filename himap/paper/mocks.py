@@ -10,10 +10,10 @@ import numpy as np
 from himap.core.checks import checked_fields, parameter
 from himap.core.errors import InputError
 from himap.maps import sphere
-from himap.measures.transfer import TransferFunction, foreground_power, mock_power
+from himap.measures.transfer import TransferFunction, expected_power, mock_power
 from himap.paper import cleaned, pipeline
 from himap.removal import harmonic
-from himap.removal.smooth_posterior import foreground_given, products_of, without_one
+from himap.removal.smooth_posterior import foreground_given, products_of
 from himap.sky.cosmology import HIModel
 from himap.sky.hi import hi_maps
 from himap.store.store import product
@@ -122,15 +122,10 @@ def _power(case, alms, before, found):
 
 
 @product
-def products_of_mocks(case, mocks):
-    """`products_of` some mocks, as they are in the observation of a case."""
-    return products_of((mock_alms(case, mock) for mock in mocks), case.survey.lmax)
-
-
-@product
 def foreground_like(case, mocks):
     """The `SmoothForeground` of a case where HI and noise are like some mocks."""
-    return foreground_given(_with_peaks(case), products_of_mocks(case, mocks))
+    alms = (mock_alms(case, mock) for mock in mocks)
+    return foreground_given(_with_peaks(case), products_of(alms, case.survey.lmax), len(mocks))
 
 
 def _with_peaks(case):
@@ -144,7 +139,13 @@ def _with_peaks(case):
 def foreground_left(case, remover, mocks, mask_peaks=True):
     """The `HarmonicPower` of what a method leaves of the foreground of a case (`foreground_like`)."""
     known, found = foreground_like(case, mocks), cleaned.separation(case, remover, mask_peaks)
-    return foreground_power(known, _with_peaks(case), remover, found, case.survey.channel_width)
+    return _left(case, known, _with_peaks(case), remover, found)
+
+
+def _left(case, known, data, remover, found):
+    """`foreground_left` of `Data` whose foreground is `known`, in which a method found a `Separation`."""
+    beams = data.beams if "beams" in remover.uses else None
+    return expected_power(known.residual_covariances(data, found, beams), case.survey.channel_width)
 
 
 @product
@@ -158,14 +159,14 @@ def resampled(case, removers, mock, mocks, mask_peaks=True):
     """
     alms, maps = _alms_and_maps(case, mock)
     rng = replace(case.survey, seed=mock.seed).rng("foreground")
-    drawn = foreground_like(case, mocks).draw(_with_peaks(case), rng)
+    known = foreground_like(case, mocks)
+    drawn = known.draw(_with_peaks(case), rng)
     member, powers = cleaned.cleaning(case, removers[0], mask_peaks).resampled(maps, drawn), []
-    own = products_of([alms], case.survey.lmax)
-    known = foreground_given(member.data, without_one(products_of_mocks(case, mocks), len(mocks), own))
+    known = known.of_member(member.data, alms)
     for remover in removers:
         found = _found(case, member, remover)
         power = _power(case, alms, drawn, found)
-        left = foreground_power(known, member.data, remover, found, case.survey.channel_width)
+        left = _left(case, known, member.data, remover, found)
         powers.append(replace(power, output=power.output.less(left)))
     return powers
 

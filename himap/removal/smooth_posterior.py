@@ -41,11 +41,6 @@ def products_of(fields, lmax):
     return products / n_fields / np.array(n_modes)[:, None, None]
 
 
-def without_one(products, n_fields, own):
-    """`products_of` so many fields, without those of one of them, `own`; of one field they remain."""
-    return (n_fields * products - own) / (n_fields - 1) if n_fields > 1 else products
-
-
 @dataclass(frozen=True, kw_only=True)
 class SmoothForeground:
     """The covariance of the foreground of some data, if HI and noise are like mocks.
@@ -66,6 +61,8 @@ class SmoothForeground:
         has fewer: R axes axes^T R^T is its covariance.
     n_modes
         Of each band.
+    products, n_mocks
+        `products_of` the mocks, and of how many.
     n_exact
         How many of the bands end before 2 nside. Beyond, HEALPix holds what is bright with errors that can
         be more than HI, and smooth in frequency: there the foreground has the spectra of the last of these.
@@ -76,6 +73,20 @@ class SmoothForeground:
     axes: list
     n_modes: tuple
     n_exact: int
+    products: np.ndarray
+    n_mocks: int
+
+    def of_member(self, data, mock):
+        """The same of a member of a bootstrap, `Data` whose HI and noise are one of the mocks.
+
+        Its products are those of the others, as those of the data are of other skies; of one mock it is that.
+        `mock` are its coefficients, (n_channels, n_alm), mK.
+        """
+        products, n = self.products, self.n_mocks
+        if n > 1:
+            lmax = min(3 * sphere.nside_of(data.maps), data.beams.shape[1]) - 1
+            products = (n * products - products_of([sphere.alms_upto(mock, lmax)], lmax)) / (n - 1)
+        return foreground_given(data, products, max(n - 1, 1))
 
     def draw(self, data, rng):
         """A foreground drawn from what is known of that of the data, a `FilteredSeparation`.
@@ -108,7 +119,8 @@ class SmoothForeground:
         """Covariance of what a method leaves of the foreground given the data, of each l in turn.
 
         A mean over the 2 l + 1 modes, (n_channels, n_channels), mK^2: that of the mean of the foreground, and
-        of what is not known of it.
+        of what is not known of it. It is all that is left by projections on spectra, such as PCA and
+        `BeamSubspace`, and by `SmoothSpectra`; other methods may leave more.
 
         Parameters
         ----------
@@ -118,11 +130,13 @@ class SmoothForeground:
             What the method found, whose spectra are held fixed. It leaves what least squares do not fit with
             these, or its filter does not hold.
         beams
-            b_l that the method has its spectra seen through, (n_channels, lmax + 1), if it does.
+            b_l that the method has its spectra seen through, (n_channels, lmax + 1), if it does. It ends
+            where these or those of the data do.
         """
         linear = self._filter(data)
-        for degree, keeps in enumerate(_kept(separation, beams, len(linear.spectra))):
-            spectra, estimator = linear.spectra[degree], linear.estimators[degree]
+        known = zip(linear.spectra, linear.estimators, strict=True)
+        pairs = zip(known, _kept(separation, beams, len(linear.spectra)), strict=False)
+        for degree, ((spectra, estimator), keeps) in enumerate(pairs):
             mean = spectra @ (estimator @ data.modes.at(degree))
             covariance = mean @ mean.T / (2 * degree + 1) + spectra @ estimator @ linear.faint_at(degree)
             # Means are subtracted.
@@ -137,15 +151,15 @@ class SmoothForeground:
         )
 
 
-def foreground_given(data, products):
+def foreground_given(data, products, n_mocks=1):
     """The `SmoothForeground` of data, where HI and noise have the covariance of mocks.
 
     Parameters
     ----------
     data
         `Data` of the full sphere with beams, and with the peaks that the mocks have too.
-    products
-        Of the mocks (`products_of`).
+    products, n_mocks
+        `products_of` the mocks, and of how many.
 
     Raises
     ------
@@ -158,9 +172,9 @@ def foreground_given(data, products):
         raise InputError(f"{wanted}, so more channels than these, got {len(freqs)}: take more channels.")
     seen, modes = smooth_seen(data, N_SMOOTH), data.modes
     edges = multipole_bands(len(seen) - 1)
-    products = [_scaled(modes, *one, seen) for one in zip(edges, products, strict=True)]
-    faint = np.array([faint_covariance(product, freqs, 0) for product in products])
-    pairs = zip(faint, products, strict=True)
+    scaled = [_scaled(modes, *one, seen) for one in zip(edges, products, strict=True)]
+    faint = np.array([faint_covariance(product, freqs, 0) for product in scaled])
+    pairs = zip(faint, scaled, strict=True)
     try:
         bands = [_amplitudes(modes, band, seen, *next(pairs)) for band in progress(edges, "foreground")]
     except np.linalg.LinAlgError:
@@ -171,7 +185,15 @@ def foreground_given(data, products):
     roots, totals, n_modes = zip(*bands, strict=True)
     n_exact = max(1, sum(last <= 2 * sphere.nside_of(data.maps) for _, last in edges))
     axes = _axes(roots, totals, n_modes, n_exact)
-    return SmoothForeground(faint=faint, roots=np.array(roots), axes=axes, n_modes=n_modes, n_exact=n_exact)
+    return SmoothForeground(
+        faint=faint,
+        roots=np.array(roots),
+        axes=axes,
+        n_modes=n_modes,
+        n_exact=n_exact,
+        products=products,
+        n_mocks=n_mocks,
+    )
 
 
 def _scaled(modes, band, product, seen):
@@ -243,9 +265,10 @@ def _kept(separation, beams, n_degrees):
     if isinstance(separation, FilteredSeparation):
         pairs = zip(separation.filter.spectra, separation.filter.estimators, strict=True)
     elif beams is None:
-        pairs = [(separation.mixing, np.linalg.pinv(separation.mixing, rcond=RANK))] * n_degrees
+        spectra = separation.foreground.spectra
+        pairs = [(spectra, np.linalg.pinv(spectra, rcond=RANK))] * n_degrees
     else:
-        seen = (beams / beams.max(axis=0)).T[:n_degrees, :, None] * separation.mixing
+        seen = (beams / beams.max(axis=0)).T[:n_degrees, :, None] * separation.mixing  # so that no l is 0
         pairs = zip(seen, np.linalg.pinv(seen, rcond=RANK), strict=True)
     for spectra, estimator in pairs:
         yield np.eye(len(spectra)) - spectra @ estimator

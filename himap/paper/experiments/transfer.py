@@ -46,7 +46,9 @@ def measure(sky):
         for case, removers in sky.methods.items()
         for mock in sky.mocks
     ]
-    grid.make_products([(resampled, call) for call in members] + [(own_recovery, pair) for pair in pairs])
+    own = [(own_recovery, pair) for pair in pairs]
+    own += [(foreground_left, (*pair, sky.mocks)) for pair in pairs]
+    grid.make_products([(resampled, call) for call in members] + own)
     found = {case: bootstrap(case, removers, sky.mocks) for case, removers in sky.methods.items()}
     return [
         grid.method_columns(remover) | row
