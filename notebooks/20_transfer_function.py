@@ -433,7 +433,7 @@ def calibration(rows):
 
 
 everything = [*records, *finer, *further]
-cells = [
+of_bands = [
     coverage(band)
     for record in everything
     for _, band in record.rows.groupby(["method", "n_sources", "band"], sort=False)
@@ -457,8 +457,8 @@ quote(
     transfer_mocks=(n_members := dict(records[0].made.overrides)["n_mocks"]),
     transfer_expected_pull=(squared_pull(n_members), 0.01),
     transfer_fewest=min(len(one.seeds) for one in finer),
-    transfer_cells=len(cells),
-    transfer_right=sum(low <= 0.68 <= high for _, _, low, high in cells),
+    transfer_cells=len(of_bands),
+    transfer_right=sum(low <= 0.68 <= high for _, _, low, high in of_bands),
 )
 
 # %% [markdown]
