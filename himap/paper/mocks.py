@@ -99,7 +99,7 @@ def recovered(case, removers, mock, mask_peaks=True):
     alms, maps = _alms_and_maps(case, mock)
     mocked, powers = cleaned.cleaning(case, removers[0], mask_peaks).with_mock(maps), []
     for remover in removers:
-        before, found = cleaned.separation(case, remover, mask_peaks), _found(case, mocked, remover)
+        before, found = cleaned.separation(case, remover, mask_peaks), _separated(case, mocked, remover)
         powers.append(_power(case, alms, before, found))
     return powers
 
@@ -109,15 +109,15 @@ def _alms_and_maps(case, mock):
     return alms, sphere.synthesise_cube(alms, case.survey.nside, n_channels=len(alms), label="mock")
 
 
-def _found(case, mocked, remover):
+def _separated(case, mocked, remover):
     """The `Separation` that a method makes of a `Cleaning` with a mock."""
     return mocked.with_method(remover, rng=case.survey.rng(f"removal {remover.name}")).separation
 
 
-def _power(case, alms, before, found):
+def _power(case, alms, before, after):
     """The `MockPower` of a mock with the coefficients `alms`, and the `Separation` without and with it."""
-    own = alms if found.lmax is None else sphere.alms_upto(alms, min(found.lmax, case.survey.lmax))
-    wrong = cleaned.difference(case, before.foreground, found.foreground)
+    own = alms if after.lmax is None else sphere.alms_upto(alms, min(after.lmax, case.survey.lmax))
+    wrong = cleaned.difference(case, before.foreground, after.foreground)
     return mock_power(own, wrong, case.survey.channel_width)
 
 
@@ -142,10 +142,10 @@ def foreground_left(case, remover, mocks, mask_peaks=True):
     return _left(case, known, _with_peaks(case), remover, found)
 
 
-def _left(case, known, data, remover, found):
+def _left(case, known, data, remover, separation):
     """`foreground_left` of `Data` whose foreground is `known`, in which a method found a `Separation`."""
     beams = data.beams if "beams" in remover.uses else None
-    return expected_power(known.residual_covariances(data, found, beams), case.survey.channel_width)
+    return expected_power(known.residual_covariances(data, separation, beams), case.survey.channel_width)
 
 
 @product
@@ -164,7 +164,7 @@ def resampled(case, removers, mock, mocks, mask_peaks=True):
     member, powers = cleaned.cleaning(case, removers[0], mask_peaks).resampled(maps, drawn), []
     known = known.of_member(member.data, alms)
     for remover in removers:
-        found = _found(case, member, remover)
+        found = _separated(case, member, remover)
         power = _power(case, alms, drawn, found)
         left = _left(case, known, member.data, remover, found)
         powers.append(replace(power, output=power.output.less(left)))
