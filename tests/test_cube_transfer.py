@@ -23,6 +23,7 @@ from himap.cubes.corrected import (
     write_spectra,
 )
 from himap.cubes.mocks import draw_mocks, mock_survey, read_mocks
+from himap.cubes.neighbours import in_neighbours, neighbours_table, remarks_on_neighbours
 from himap.cubes.spectra import compared, spectra_of
 from himap.maps import sphere
 from himap.maps.masks import bin_matrix
@@ -278,6 +279,27 @@ class TestMeasured:
             assert np.ptp(fainter.ratios * factors / usual.ratios) < 1e-6
             assert doubled.error > 0.4 > 2 * usual.error
 
+    @pytest.mark.parametrize(("noise", "said"), [(3, False), (1.5, True), (4.5, True)])
+    def test_neighbouring_channels_tell_noise_that_is_not_that_of_the_mocks(self, cube, rng, noise, said):
+        """HI that is the same in two channels has half of its power in common, and noise none."""
+
+        def hi_and_noise(level):
+            pairs = blue(rng)
+            return (
+                pairs + np.roll(pairs, 1, axis=0) + level * rng.standard_normal(cube.maps.shape).astype("f")
+            )
+
+        smooth = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8]) @ (1e3 * rng.lognormal(size=(2, N_PIX)))
+        some = replace(cube, maps=(smooth + hi_and_noise(noise)).astype(np.float32))
+        cleaned = clean_cube(some, "pca", n_sources=2, peaks=False)
+        found = in_neighbours(cleaned, measure_transfer(cleaned, [hi_and_noise(3) for _ in range(6)]))
+        assert [*found] == ["C(l), l 2-4", "C(l), l 5-9", "C(l), l 10-19", "C(l), l 20-39"]
+        last = found["C(l), l 20-39"]
+        assert 0.1 < last.mocks < 0.25 and (last.cube < last.mocks - last.error) == (noise > 3)
+        remarks = remarks_on_neighbours(found)
+        assert len(remarks) == said and all("l 20-39: 0." in one for one in remarks)
+        assert neighbours_table(found).rows[-1][:2] == ["C(l), l 20-39", f"{last.cube:.4f}"]
+
     def test_power_without_foreground_is_that_of_a_line(self, cleaned):
         """Whose slope does not matter, from parts with as many pixels, the faintest first."""
         parts = Parts.of(cleaned)
@@ -326,6 +348,9 @@ class TestMeasured:
         found = by_brightness(cleaned, transfer, both)
         assert not remarks_on_brightness(found)
         assert all(row[-2:] == ["–", "–"] for row in brightness_table(found).rows)
+        found = in_neighbours(cleaned, transfer)
+        assert not remarks_on_neighbours(found)
+        assert all(row[-2:] == ["–", "–"] for row in neighbours_table(found).rows)
 
     def test_of_another_cube(self, cleaned, cube, rng):
         transfer = measure_transfer(cleaned, [blue(rng)])

@@ -69,6 +69,18 @@ def made_up(kept, noise=0.0, input=1.0):
     return MockPower(*(HarmonicPower(power=power, n_channels=6, channel_width=1.0) for power in powers))
 
 
+@pytest.mark.parametrize("n_channels", [6, 7])
+def test_cross_power_of_neighbours_is_the_mean_over_pairs(rng, n_channels):
+    """The last and the first are a pair too."""
+    alms = rng.standard_normal((2, n_channels, sphere.alm_size(5))).T @ [1, 1j]
+    alms = np.ascontiguousarray(alms.T)
+    found = harmonic_power(alms, 2.0)
+    both = sphere.power_spectrum(alms + np.roll(alms, 1, axis=0)).mean(axis=0)
+    alone = sphere.power_spectrum(alms).mean(axis=0)
+    assert found.neighbours == pytest.approx((both - 2 * alone) / 2)
+    assert found.angular == pytest.approx(alone)
+
+
 @pytest.mark.parametrize("n_l", [2, 5, 9])
 def test_power_less_that_of_a_cube_that_ends_elsewhere(n_l):
     one, other = (

@@ -289,15 +289,20 @@ def correct(cleaned, transfer, spectra, truth=None):
             f"the transfer function is of another cube, with {n_seen} seen pixels and "
             f"{transfer.powers.shape[-1]} values of P(k): measure it for this one (measure_transfer)."
         )
-    alms = alms_of(cleaned.cube, cleaned.residual, len(transfer.degrees) - 1)
-    power = harmonic_power(alms, cleaned.cube.channel_width)
-    less = power if transfer.left is None else power.less(transfer.left)
+    power, less = residual_powers(cleaned, transfer)
     shown = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
     shown["frequency"] = spectra.frequency.k, spectra.frequency.power
     true = dict.fromkeys(shown, ([0], [np.nan]))
     if truth is not None:
         true = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
     return {kind: _corrected(kind, transfer, power, less, shown[kind], true[kind]) for kind in shown}
+
+
+def residual_powers(cleaned, transfer):
+    """The `HarmonicPower` of a residual, and the same less what is estimated of the foreground."""
+    alms = alms_of(cleaned.cube, cleaned.residual, len(transfer.degrees) - 1)
+    power = harmonic_power(alms, cleaned.cube.channel_width)
+    return power, power if transfer.left is None else power.less(transfer.left)
 
 
 def _ends(middles):

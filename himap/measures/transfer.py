@@ -49,10 +49,19 @@ class HarmonicPower:
     @property
     def angular(self):
         """C_l averaged over channels, mK^2, (n_l,): by Parseval's theorem the sum over all k."""
-        times = np.full(self.power.shape[1], 2.0)  # k and -k
-        times[0] = 1
+        return self._correlation(0)
+
+    @property
+    def neighbours(self):
+        """Cross C_l of channels and the next, mK^2, (n_l,); that of the last and the first is one of them."""
+        return self._correlation(1)
+
+    def _correlation(self, lag):
+        """Cross C_l of channels `lag` apart, by the Wiener-Khinchin theorem, (n_l,)."""
+        times = 2 * np.cos(self.k * self.channel_width * lag)  # k and -k
+        times[0] /= 2
         if self.n_channels % 2 == 0:
-            times[-1] = 1
+            times[-1] /= 2
         return self.power @ times / (self.n_channels * self.channel_width)
 
     @property

@@ -123,6 +123,7 @@ def _cleaned(asked):
     from himap.cubes.brightness import brightness_table, by_brightness, remarks_on_brightness
     from himap.cubes.cleaning import clean_cube, method_for
     from himap.cubes.files import read_truth
+    from himap.cubes.neighbours import in_neighbours, neighbours_table, remarks_on_neighbours
     from himap.cubes.report import cylindrical_part, write_report
     from himap.cubes.spectra import check_truth, compared, spectra_of
     from himap.cubes.transfer import correct, measure_transfer
@@ -160,10 +161,12 @@ def _cleaned(asked):
                 f"The mocks have the foreground that {remover.name} estimated, and foreground residual is "
                 "not known: it is for a full sphere without gaps, with --beam and more than six channels.",
             )
-        in_parts = by_brightness(cleaned, measured, corrected)
-        more = [*texts.corrected_parts(corrected), brightness_table(in_parts)]
-        asked.tables += [texts.corrected_table(corrected), brightness_table(in_parts)]
-        tell(asked, *texts.remarks_on(corrected), *remarks_on_brightness(in_parts))
+        in_parts, common = by_brightness(cleaned, measured, corrected), in_neighbours(cleaned, measured)
+        checks = [brightness_table(in_parts), neighbours_table(common)]
+        more = [*texts.corrected_parts(corrected), *checks]
+        asked.tables += [texts.corrected_table(corrected), *checks]
+        remarks = [*remarks_on_brightness(in_parts), *remarks_on_neighbours(common)]
+        tell(asked, *texts.remarks_on(corrected), *remarks)
     scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
     if scattered is not None:
         more = [*scatter.scatter_parts(scattered), *more]
