@@ -159,8 +159,9 @@ class TestTransfer:
         assert row["error_bar"] == pytest.approx(sigma(np.array([first, second])))
 
     @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
-    def test_each_method_separates_a_sky_once(self, monkeypatch):
+    def test_each_method_separates_a_sky_once(self, tmp_path, monkeypatch):
         """And each member; and nothing that is large is kept."""
+        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))  # nothing is in the cache
         (sky,) = transfer.skies(**TINY, methods=[["pca", 3]], n_realisations=1, n_mocks=2)
         calls, separate = [], PCA.separate
         monkeypatch.setattr(PCA, "separate", lambda *args, **own: calls.append(1) or separate(*args, **own))
