@@ -69,10 +69,9 @@
 #
 # `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam`, for methods that
 # need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and its foreground
-# residual remains unknown. Two checks of the result do not rest on $\hat f$: the corrected power is compared
-# with that of the residual in parts of the sky, extrapolated to zero foreground; and the share of the power that
-# neighbouring channels have in common, which is that of HI, as noise is independent in each channel, is
-# compared with that of the mocks.
+# residual remains unknown. Two checks depend little on $\hat f$. The corrected power is compared with that of
+# the residual in parts of the sky, extrapolated to zero foreground. And the share of the power that neighbouring
+# channels have in common, to which noise does not contribute, is compared with that of the mocks.
 #
 # Mocks can also be added to the data, $\hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d)$
 # ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but no foreground residual, and

@@ -1,7 +1,7 @@
 """A cross-check of corrected power: what neighbouring channels have in common, in a cube and in its mocks.
 
 Noise is independent in each channel; HI and foregrounds are not. So the cross power of even and odd channels
-says which share of the power is noise, whatever was subtracted as foreground.
+says which share of the power is noise.
 """
 
 from dataclasses import dataclass
