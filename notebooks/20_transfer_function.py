@@ -37,11 +37,13 @@
 # \hat P = \frac{P - F - b}{T} .
 # ```
 #
-# $r$ and $m$ are harmonic or Fourier coefficients, and $P$ is the power of the residual of the data. $T$ is
+# $r$ and $m$ are harmonic or Fourier coefficients, $P$ is the power of the residual of the data, and $F$ the
+# estimated power of the foreground that the method leaves in them. $T$ is
 # the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the power of the residual
 # beyond $F_m$ and $T\, \langle |m|^2 \rangle$, and $\hat P$ the corrected spectrum. The truth $m$ is HI and
 # noise, through the beam. The error bar is the root mean square of $\hat P / |m|^2 - 1$ of the members, each
-# corrected by the others, times Student's factor for their number. The paper has no such correction.
+# corrected by the others, times the factor of Student's $t$ distribution for their number. The paper has no such
+# correction.
 #
 # **Which foreground?** The sources of a method lack some of the foreground, and the faintest contain some HI.
 # With its estimate as $\hat f$ the mocks would have no foreground residual, and the correction would subtract
@@ -54,21 +56,22 @@
 # above all where the foreground is no brighter than HI. Beyond $\ell = 2 n_\mathrm{side}$, where errors of
 # HEALPix can be brighter than HI, it has the spectra of the last band below.
 #
-# **What does the method leave of it?** $F$ is a power too, by $\ell$ and $k_\nu$: what is expected of the
-# posterior above in the part that the method leaves with its spectra held fixed. That is what least squares do
-# not fit with these spectra, seen through the beam if the method uses it, or what the filter of SmoothSpectra
-# does not hold; what other methods leave beyond that is in $b$. For $F_m$ the member takes the place of the
-# data, and HI and noise have the covariance of the other mocks.
+# **What does the method leave of it?** $F$, by $\ell$ and $k_\nu$, is the expected power, under the posterior
+# above, of the part that the method leaves with its spectra held fixed. This is the part that a least-squares
+# fit of these spectra, seen through the beam if the method uses it, does not describe, or that the filter of
+# SmoothSpectra does not remove; what other methods leave beyond that is in $b$. For $F_m$ the member takes the
+# place of the data, and HI and noise have the covariance of the other mocks.
 #
-# A foreground that remains is by chance correlated with HI. In bands of multipoles where it is seen, this
+# A foreground that remains is by chance correlated with HI. Where it is detected above HI and noise, this
 # correlation is in $P$ and in $F$, and largely cancels. In the members it does so only because each has an
-# $F_m$ of its own: with the same $F$ for all, error bars would be too large, for many mocks and one spectrum
-# that remains entirely with $v$ times the power of HI by a factor of $(1 + 4v)^{1/2}$ in the power of that
-# spectrum. $b$ is then what $F$ lacks in the mean, the cross power of foreground residual and residual of the
-# mock, and, unless the loss is that of a fixed projection, a negative part without any foreground.
+# $F_m$ of its own. With the same $F$ for all members the error bars would be too large: if one spectrum remains
+# entirely, its foreground has $v$ times the power of HI, and mocks are many, the error bar of the power in that
+# spectrum would be too large by a factor of $(1 + 4v)^{1/2}$. $b$ is then what $F$ lacks in the mean, the cross
+# power of foreground residual and residual of the mock, and, unless the loss is that of a fixed projection, a
+# negative part without any foreground.
 #
-# `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam`, for methods that
-# need none, on a part of the sky or with gaps, $\hat f$ is that of the method itself, and its foreground
+# `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam` (possible for
+# methods that need none), on a part of the sky, or with gaps, $\hat f$ is that of the method itself, and its foreground
 # residual remains unknown. Two checks depend little on $\hat f$. The corrected power is compared with that of
 # the residual in parts of the sky, extrapolated to zero foreground. And the share of the power that neighbouring
 # channels have in common, to which noise does not contribute, is compared with that of the mocks.
@@ -104,7 +107,14 @@ from himap.figures.tables import Table
 from himap.measures.bootstrap import squared_pull
 from himap.measures.diagnostics import Comparison
 from himap.paper.experiment_figures import transfer_figure
-from himap.paper.experiments.transfer import EXPERIMENT, chi_squared, coverage, skies, with_systematic
+from himap.paper.experiments.transfer import (
+    EXPERIMENT,
+    chance_of_right,
+    chi_squared,
+    coverage,
+    skies,
+    with_systematic,
+)
 from himap.paper.grid import make_products
 from himap.paper.mocks import Mock, bootstrap, foreground_left, own_recovery, resampled
 from himap.paper.record import Record
@@ -204,8 +214,8 @@ for remover, colour in zip(pairs, (styles.INDIGO, styles.ORANGE), strict=False):
     curves += [(before, compared(remover)), (after, compared(remover, correct=True))]
 
 # %% [markdown]
-# The corrected spectra (solid) scatter about the truth; the uncorrected ones (dotted) are mostly below
-# it.
+# The corrected spectra (solid) scatter about the truth; the uncorrected ones (dotted) are below it across the
+# sky and at low $k_\nu$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-corrected", "caption": "Spectra of the residuals of the first two methods on the first sky, uncorrected (dotted) and corrected (solid), and ratios to the truth. Grey band: 10 %."}}
 titles = {"frequency": "along the line of sight", "angular": "across the sky"}
@@ -213,8 +223,9 @@ panels = [plotting.comparison_panel(kind, curves, title=title) for kind, title i
 study.stamped(plotting.spectrum(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
-# The table has the power in bands over the truth, uncorrected and corrected; *foreground* is the foreground
-# residual that was subtracted, $P/T - \hat P$. How often the truth lies within error bars is measured on many skies below.
+# The table has the power in bands over the truth, uncorrected and corrected; *foreground* is what was
+# subtracted, $(F + b)/T$: the foreground residual, its cross power with HI, and the negative part of $b$, so that
+# it can be below zero. How often the truth lies within error bars is measured on many skies below.
 
 # %% tags=["hide-input"]
 rows = {}
@@ -436,7 +447,7 @@ def calibration(rows):
 everything = [*records, *finer, *further]
 of_bands = [
     coverage(band)
-    for record in everything
+    for record in (*records, *further, *(one for one in finer if one.made.preset == "quick"))
     for _, band in record.rows.groupby(["method", "n_sources", "band"], sort=False)
 ]
 rows = {}
@@ -460,6 +471,7 @@ quote(
     transfer_fewest=min(len(one.seeds) for one in finer),
     transfer_cells=len(of_bands),
     transfer_right=sum(low <= 0.68 <= high for _, _, low, high in of_bands),
+    transfer_right_expected=round(sum(chance_of_right(trials) for _, trials, *_ in of_bands)),
 )
 
 # %% [markdown]
@@ -472,37 +484,40 @@ quote(
 # Coverage is of all bands; the squared pull is the median of bands. *With systematic* the error bar has, in
 # quadrature, all of the foreground residual that was subtracted, and is *wider by* that factor (median).
 #
-# In {glue:text}`transfer_right` of {glue:text}`transfer_cells` cases, each a size, Galaxy, method and band, the
-# interval of the coverage contains 68 %. With right error bars it would in about 95 % of them.
+# In {glue:text}`transfer_right` of {glue:text}`transfer_cells` cases at `ci` and `quick`, each a size, Galaxy,
+# method and band, the interval of the coverage contains 68 %; with right error bars it would in about
+# {glue:text}`transfer_right_expected`. At `laptop` there are too few skies to tell.
 
 # %% tags=["hide-input"]
 show_table(rows, columns=4)
 
 # %% [markdown]
-# - **The foreground residual is estimated without the truth and subtracted** (column *foreground*). It is
-#   largest for GMCA, and for PCA at `laptop`.
-# - **The correction is only as good as the estimated foreground.** Its power is the excess of the data
-#   over the mocks, whose amplitude is scaled to the data in modes that are not smooth in frequency, so that only
-#   their shape in $k_\nu$ matters. Its uncertainty is in the error bar, since it is estimated from each member
-#   anew. It is assumed that foregrounds are smooth, that the beam is right, and that HI has the shape of the
-#   mocks.
-# - **So the correction is a systematic error too.** As it rests on assumptions, all of the subtracted power is
-#   quoted, and added in quadrature. That is too cautious where much was subtracted, as for
-#   GMCA, PCA at `laptop`, and BeamSubspace with three sources on the real Galaxy.
-# - **A source in which HI is as bright as the foreground is not corrected well.** BeamSubspace with four
-#   sources loses more HI at the lowest $k_\nu$ than the mocks say, most on the real Galaxy. The estimated
-#   foreground has the right power there but is a Gaussian field, and that of the Galaxy is not. With three
-#   sources the means at the lowest $\ell$ and $k_\nu$ are off by less than an error bar.
+# - **The foreground residual is estimated without the truth and subtracted** (in column *foreground*). It is
+#   largest for GMCA; on the few skies at `laptop` it is large for PCA too.
+# - **The correction assumes smooth foregrounds, the right beam and the right shape of HI.** The power of the
+#   estimated foreground is the excess of the data over the mocks, whose amplitude is scaled to the data in modes
+#   that are not smooth in frequency; so for it only their shape in $k_\nu$ matters, for $T$ also their amplitude.
+#   Its uncertainty is in the error bar, since it is estimated from each member anew.
+# - **The subtracted power is quoted as a systematic error**, as it rests on these assumptions, and added in
+#   quadrature. That is too cautious for most methods here, most of all for
+#   GMCA and for BeamSubspace with three sources on the real Galaxy; for BeamSubspace with four sources there it
+#   is not enough.
+# - **A source in which HI is as bright as the foreground is not corrected well.** On the real Galaxy the corrected
+#   power of BeamSubspace with four sources is too low at the lowest $k_\nu$ and too high at the lowest $\ell$,
+#   and its error bars are too small; on the synthetic Galaxy no deviation of its means is clear. A possible
+#   reason is that the estimated foreground is a Gaussian field and that of the Galaxy is not. With three
+#   sources the means at the lowest $\ell$ and $k_\nu$ are off by less than an error bar; at `ci` they are
+#   nevertheless too high at the lowest $k_\nu$ by more than chance explains.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) is
 #   in the unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
 #   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
 #   bands than mocks, and the inverse is biased high ({cite:t}`hartlap2007`).
-# - **Modes that are lost entirely are known from the mocks alone.** Where the transfer function is far from
+# - **Lost modes are replaced by those of the mocks.** Where the transfer function is far from
 #   one, HI that is smoother in frequency than that of the mocks loses more than they predict, and its excess
 #   over them in smooth spectra is subtracted as foreground. The error bars include neither; the systematic
 #   error includes the latter. Use mocks with the right HI (`--mocks FILE`).
-# - **Sample variance and noise are not in these error bars**, because the truth is that of the same sky. The
-#   commands below list them separately.
+# - **The truth is that of the same sky**, so the error bars contain sample variance and noise only of what is
+#   lost, or subtracted with the foreground. The commands below list the whole separately.
 #
 # For your cube:
 #
@@ -524,9 +539,8 @@ show_table(rows, columns=4)
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The corrected power hardly changes at $\ell \geq 10$; the error bars change by tens of per cent, since those
-# of few mocks are themselves uncertain. A band far from the truth remains so: the HI of this sky resembles
-# the foreground by chance.
+# The corrected power hardly changes at $\ell \geq 10$, but some error bars change by up to about a factor of
+# two, since those of few mocks are themselves uncertain. The deviation of PCA at $5 \leq \ell < 10$ remains.
 #
 # </details>
 #
@@ -539,8 +553,9 @@ show_table(rows, columns=4)
 #
 # $T = 0.9$, $\langle |r|^2 \rangle = (0.81 + 0.05) \langle |m|^2 \rangle$, so that
 # $b = -0.04\, \langle |m|^2 \rangle$, and $\hat P = (P + 0.04\, \langle |m|^2 \rangle) / 0.9$. For a
-# projection without foreground residual $\langle |r|^2 \rangle = T \langle |m|^2 \rangle$, so that $F + b$ is
-# the power of the foreground residual alone.
+# fixed orthogonal projection that leaves no foreground $\langle |r|^2 \rangle = T \langle |m|^2 \rangle$ in
+# $C_\ell$ averaged over channels, and $b = 0$; with foreground $F + b$ is then its residual power and its cross
+# power with the residual of the mock.
 #
 # </details>
 #

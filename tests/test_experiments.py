@@ -170,6 +170,15 @@ class TestTransfer:
         ((case, (pca,)),) = sky.methods.items()
         assert not cleaned.separation.is_cached(case, pca)
 
+    @pytest.mark.parametrize("trials", [2, 20])
+    def test_how_often_an_interval_holds_what_is_right(self, rng, trials):
+        """As drawn: of two trials always."""
+        hits = rng.binomial(trials, 0.68, size=2000)
+        ends = [stats.binomtest(int(n), trials).proportion_ci() for n in hits]
+        drawn = np.mean([one.low <= 0.68 <= one.high for one in ends])
+        assert transfer.chance_of_right(trials) == pytest.approx(drawn, abs=0.015)
+        assert trials > 2 or drawn == 1
+
     def test_no_two_skies_share_a_mock(self):
         several = transfer.skies(**TINY, methods=[["pca", 3]], n_realisations=3, n_mocks=4)
         mocks = [mock.seed for sky in several for mock in sky.mocks]

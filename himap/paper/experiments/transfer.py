@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import binomtest
+from scipy.stats import binom, binomtest
 
 from himap.core.checks import whole_number
 from himap.measures.bootstrap import KINDS, sigma
@@ -93,6 +93,14 @@ def coverage(table):
     """
     hits, trials = int(((table["corrected"] - 1).abs() < table["error_bar"]).sum()), len(table)
     return hits, trials, *binomtest(hits, trials).proportion_ci()
+
+
+def chance_of_right(trials):
+    """The probability that the interval of `coverage` contains 68 % in so many trials with right error bars."""
+    ends = [binomtest(hits, trials).proportion_ci() for hits in range(trials + 1)]
+    return float(
+        sum(binom.pmf(hits, trials, 0.68) for hits, one in enumerate(ends) if one.low <= 0.68 <= one.high)
+    )
 
 
 def chi_squared(table):
