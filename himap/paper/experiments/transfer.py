@@ -96,7 +96,7 @@ def coverage(table):
 
 
 def chance_of_right(trials):
-    """The probability that the interval of `coverage` contains 68 % in so many trials with right error bars."""
+    """The probability that the interval of `coverage` contains 68 %, of so many trials with right bars."""
     ends = [binomtest(hits, trials).proportion_ci() for hits in range(trials + 1)]
     return float(
         sum(binom.pmf(hits, trials, 0.68) for hits, one in enumerate(ends) if one.low <= 0.68 <= one.high)
