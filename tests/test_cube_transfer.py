@@ -30,6 +30,7 @@ from himap.maps.masks import bin_matrix
 from himap.measures.bootstrap import covariance
 from himap.measures.spectra import angular_power, frequency_power
 from himap.measures.transfer import harmonic_power
+from himap.removal.smooth_posterior import SmoothForeground, products_of
 from himap.removal.smooth_spectra import smooth_basis
 
 
@@ -178,6 +179,25 @@ class TestMeasured:
             bars.append([one.sigma([i / i.sum()])[0] for name, (one, i) in of_bands if "20-39" not in name])
         for factor in bars[1:] / np.array(bars[0]):
             assert 0.6 < np.exp(np.mean(np.log(factor))) < 1.8
+
+    @pytest.mark.parametrize("n_mocks", [1, 3])
+    def test_the_foreground_of_a_member_is_estimated_with_the_other_mocks(
+        self, cleaned, rng, n_mocks, monkeypatch
+    ):
+        """Those that are not its own truth; with one mock with that."""
+        mocks, given, of_member = [blue(rng) for _ in range(n_mocks)], [], SmoothForeground.of_member
+
+        def spy(*args):
+            given.append(of_member(*args))
+            return given[-1]
+
+        monkeypatch.setattr(SmoothForeground, "of_member", spy)
+        measure_transfer(cleaned, mocks, beams=BEAMS)
+        lmax, fields = 3 * NSIDE - 1, [sphere.analyse(mock, 3 * NSIDE - 1) for mock in mocks]
+        for n, one in enumerate(given):
+            others = products_of(fields[:n] + fields[n + 1 :] or fields, lmax)
+            assert one.products == pytest.approx(others, rel=1e-3, abs=1e-3 * others.max())
+        assert len(given) == n_mocks
 
     @pytest.mark.parametrize(
         ("method", "parameters"),

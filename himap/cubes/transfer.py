@@ -169,8 +169,7 @@ def measure_transfer(cleaned, mocks, *, beams=None):
             if drawn:  # from another stream than the mock, which may be drawn from the same number
                 rng = np.random.default_rng(np.random.SeedSequence(n, spawn_key=(1,)))
                 before = known.draw(data, rng)
-            power = _member_power(cleaned, mock, alms, before, known, beams)
-            mock_powers.append(power)
+            mock_powers.append(_member_power(cleaned, mock, alms, before, known, beams))
             in_parts.append(np.array(powers))
         left = None if known is None else _left(cleaned, data, known)
     return CubeTransfer(

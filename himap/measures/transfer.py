@@ -287,8 +287,10 @@ def expected_power(covariances, channel_width):
 
     Per mode; of one l after the other. The channel width is in MHz.
     """
-    rows = [(_expected(covariance), len(covariance)) for covariance in covariances]
-    return _harmonic_powers([(row,) for row, _ in rows], rows[0][1], channel_width)[0]
+    rows = []
+    for covariance in covariances:
+        rows.append((_expected(covariance),))
+    return _harmonic_powers(rows, len(covariance), channel_width)[0]
 
 
 def _expected(covariance):
