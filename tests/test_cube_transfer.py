@@ -312,7 +312,7 @@ class TestMeasured:
         smooth = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8]) @ (1e3 * rng.lognormal(size=(2, N_PIX)))
         some = replace(cube, maps=(smooth + hi_and_noise(noise)).astype(np.float32))
         cleaned = clean_cube(some, "pca", n_sources=2, peaks=False)
-        found = in_neighbours(cleaned, measure_transfer(cleaned, [hi_and_noise(3) for _ in range(6)]))
+        found = in_neighbours(measure_transfer(cleaned, [hi_and_noise(3) for _ in range(6)]))
         assert [*found] == ["C(l), l 2-4", "C(l), l 5-9", "C(l), l 10-19", "C(l), l 20-39"]
         last = found["C(l), l 20-39"]
         assert 0.1 < last.mocks < 0.25 and (last.cube < last.mocks - last.error) == (noise > 3)
@@ -368,7 +368,7 @@ class TestMeasured:
         found = by_brightness(cleaned, transfer, both)
         assert not remarks_on_brightness(found)
         assert all(row[-2:] == ["–", "–"] for row in brightness_table(found).rows)
-        found = in_neighbours(cleaned, transfer)
+        found = in_neighbours(transfer)
         assert not remarks_on_neighbours(found)
         assert all(row[-2:] == ["–", "–"] for row in neighbours_table(found).rows)
 

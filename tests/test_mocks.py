@@ -155,8 +155,8 @@ class TestBootstrap:
             cleaned_one = remover.clean(maps, separate_on=mask_peaks(maps, freqs).maps, **given)
             expected = sphere.power_spectrum(sphere.analyse(cleaned_one.residual)).mean(axis=0)
             beams = given["beams"] if "beams" in remover.uses else None
-            covariances = known.residual_covariances(member, cleaned_one.separation, beams)
-            left = expected_power(covariances, np.ptp(freqs[:2])).angular
+            spectra = known.residual_spectra(member, cleaned_one.separation, beams)
+            left = expected_power(spectra, np.ptp(freqs[:2])).angular
             assert left[low].min() > 0
             assert np.abs((found.output.angular - expected + left) / expected)[low].max() < 0.01
 

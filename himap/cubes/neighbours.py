@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.cubes.corrected import plain_band
-from himap.cubes.transfer import residual_powers
 from himap.figures.tables import Table
 from himap.measures.bootstrap import LEVEL, chance_of, sigma
 from himap.measures.diagnostics import bands
@@ -36,14 +35,14 @@ class Common:
     chance: float
 
 
-def in_neighbours(cleaned, transfer):
-    """{band of l: `Common`} of a `CleanedCube` and its `CubeTransfer`."""
+def in_neighbours(transfer):
+    """{band of l: `Common`} of a cleaned cube, by its `CubeTransfer`."""
     shares, n_mocks = {}, len(transfer.mocks)
-    _, power = residual_powers(cleaned, transfer)
     for name, (kind, inside) in bands(transfer.degrees, transfer.k).items():
         if kind == "angular":
             own, *members = (
-                _share(one, inside) for one in (power, *(mock.output for mock in transfer.mocks))
+                _share(one, inside)
+                for one in (transfer.without_foreground, *(mock.output for mock in transfer.mocks))
             )
             members, error, chance = np.array(members), np.nan, np.nan
             if n_mocks > 1:

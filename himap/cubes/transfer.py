@@ -22,6 +22,7 @@ from himap.measures.transfer import (
     mock_power,
     quotient,
 )
+from himap.removal.analysis import n_iter_of_faint
 from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of
 
 
@@ -101,8 +102,10 @@ class CubeTransfer(TransferFunction):
     ----------
     drawn
         Whether members have a foreground that was drawn, and not the one that the method estimated.
+    residual
+        The `HarmonicPower` of the residual of the cube.
     left
-        The `HarmonicPower` of what the method leaves of the foreground, as estimated from the cube; that of
+        That of what the method leaves of the foreground, as estimated from the cube; that of
         each member is subtracted from the output in `mocks` already. None where it is not drawn.
     parts
         The `Parts`.
@@ -111,9 +114,15 @@ class CubeTransfer(TransferFunction):
     """
 
     drawn: bool
+    residual: HarmonicPower
     left: HarmonicPower | None
     parts: Parts
     powers: np.ndarray
+
+    @property
+    def without_foreground(self):
+        """The `HarmonicPower` of the residual less what is estimated of the foreground."""
+        return self.residual if self.left is None else self.residual.less(self.left)
 
 
 def measure_transfer(cleaned, mocks, *, beams=None):
@@ -124,7 +133,7 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     (`himap.removal.smooth_posterior.SmoothForeground`), so that it has what the method leaves in the residual
     too. Else it is the one that the method estimated. What the method leaves of a drawn foreground is
     estimated from each member and the other mocks, as it is from the cube
-    (`himap.removal.smooth_posterior.SmoothForeground.residual_covariances`): members have the errors of that.
+    (`himap.removal.smooth_posterior.SmoothForeground.residual_spectra`): members have the errors of that.
 
     Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing the mock,
     what comes back of it and the residual of the cube all count as 0, so that their ratios are right.
@@ -172,15 +181,21 @@ def measure_transfer(cleaned, mocks, *, beams=None):
             mock_powers.append(_member_power(cleaned, mock, alms, before, known, beams))
             in_parts.append(np.array(powers))
         left = None if known is None else _left(cleaned, data, known)
+    residual = alms_of(cube, cleaned.residual, cleaned.separation.lmax)
     return CubeTransfer(
-        mocks=tuple(mock_powers), drawn=drawn, left=left, parts=parts, powers=np.array(in_parts)
+        mocks=tuple(mock_powers),
+        drawn=drawn,
+        residual=harmonic_power(residual, cube.channel_width),
+        left=left,
+        parts=parts,
+        powers=np.array(in_parts),
     )
 
 
 def _left(cleaned, data, known):
     """The `HarmonicPower` of what is left of the foreground of a `CleanedCube`, `known` of its `Data`."""
-    covariances = known.residual_covariances(data, cleaned.separation, cleaned.basis.beams)
-    return expected_power(covariances, cleaned.cube.channel_width)
+    spectra = known.residual_spectra(data, cleaned.separation, cleaned.basis.beams)
+    return expected_power(spectra, cleaned.cube.channel_width)
 
 
 def _analysed(cube, parts, mocks):
@@ -220,7 +235,7 @@ def _member_power(cleaned, mock, alms, before, known, beams):
     Its foreground is that of the `Separation` `before`. What the method leaves of it is estimated with the
     `SmoothForeground` `known` and the beams b_l, if there is one, and subtracted from the output.
     """
-    cube, member = cleaned.cube, cleaned.resampled(mock, before)
+    cube, member = cleaned.cube, cleaned.resampled(mock, before, None if known is None else alms)
     after = member.separation
     to_end = alms if after.lmax is None else sphere.alms_upto(alms, after.lmax)
     if cube.missing is None:
@@ -238,8 +253,12 @@ def _member_power(cleaned, mock, alms, before, known, beams):
 
 
 def alms_of(cube, maps, lmax=None):
-    """Coefficients of maps (n_channels, n_seen) of a cube, less their means, to `lmax` if one is given."""
-    alms = masked_alms(cube.on_sphere(maps), mask=cube.sky_mask)
+    """Coefficients of maps (n_channels, n_seen) of a cube, less their means, to `lmax` if one is given.
+
+    Of maps as faint as HI and noise, all with the same errors, which ratios of their powers do not have.
+    """
+    n_iter = n_iter_of_faint(cube.nside)
+    alms = masked_alms(cube.on_sphere(maps), mask=cube.sky_mask, n_iter=n_iter)
     return alms if lmax is None else sphere.alms_upto(alms, lmax)
 
 
@@ -288,20 +307,12 @@ def correct(cleaned, transfer, spectra, truth=None):
             f"the transfer function is of another cube, with {n_seen} seen pixels and "
             f"{transfer.powers.shape[-1]} values of P(k): measure it for this one (measure_transfer)."
         )
-    power, less = residual_powers(cleaned, transfer)
     shown = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
     shown["frequency"] = spectra.frequency.k, spectra.frequency.power
     true = dict.fromkeys(shown, ([0], [np.nan]))
     if truth is not None:
         true = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
-    return {kind: _corrected(kind, transfer, power, less, shown[kind], true[kind]) for kind in shown}
-
-
-def residual_powers(cleaned, transfer):
-    """The `HarmonicPower` of a residual, and the same less what is estimated of the foreground."""
-    alms = alms_of(cleaned.cube, cleaned.residual, len(transfer.degrees) - 1)
-    power = harmonic_power(alms, cleaned.cube.channel_width)
-    return power, power if transfer.left is None else power.less(transfer.left)
+    return {kind: _corrected(kind, transfer, shown[kind], true[kind]) for kind in shown}
 
 
 def _ends(middles):
@@ -310,11 +321,10 @@ def _ends(middles):
     return np.array([ends[:-1], ends[1:]])
 
 
-def _corrected(kind, transfer, power, less, shown, true):
-    """The `Corrected` of one spectrum, in the bins that are `shown`, from the `HarmonicPower` of a residual.
+def _corrected(kind, transfer, shown, true):
+    """The `Corrected` of one spectrum, in the bins that are `shown`, by a `CubeTransfer`.
 
-    `less` is that power less what is estimated of the foreground; `shown` and `true` are places, l or k, and
-    the power there, of the residual and of the truth.
+    `shown` and `true` are places, l or k, and the power there, of the residual and of the truth.
     """
     x, residual = shown
     known = slice(2, None) if kind == "angular" else slice(1, None)
@@ -323,11 +333,11 @@ def _corrected(kind, transfer, power, less, shown, true):
     low, high = _ends(x) if kind == "angular" else (x - (x[1] - x[0]) / 2, x + (x[1] - x[0]) / 2)
     bins = (known_at > low[inside, None]) & (known_at < high[inside, None])
     bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
-    residual_power, share = getattr(power, kind), getattr(transfer, kind)
+    residual_power, share = getattr(transfer.residual, kind), getattr(transfer, kind)
     # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
     scale = residual[inside] / (bins @ residual_power[known])
     lost = share <= 0
-    found = transfer.corrected(kind, getattr(less, kind))
+    found = transfer.corrected(kind, getattr(transfer.without_foreground, kind))
     systematic = quotient(residual_power, share) - found
     corrected = np.where(lost, 0, found)
     several = len(transfer.mocks) > 1

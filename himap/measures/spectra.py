@@ -142,6 +142,8 @@ def decouple(pseudo, weights=None, bin_width=None):
 
 def weighted(pixels, weights):
     """One map (n_pix,) less its weighted mean, times its weights; 0 where these are 0."""
+    if (weights == 1).all():
+        return pixels - pixels.mean(dtype=np.float64)
     kept = weights > 0
     return weights * np.where(kept, pixels - np.average(pixels[kept], weights=weights[kept]), 0)
 

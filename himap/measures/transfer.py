@@ -282,15 +282,15 @@ def expected_mock_power(separation, channel_width):
     return MockPower(*_harmonic_powers(rows, len(faint), channel_width))
 
 
-def expected_power(covariances, channel_width):
-    """The `HarmonicPower` of a field with a covariance of channels at each l, (n_channels, n_channels), mK^2.
+def expected_power(spectra, channel_width):
+    """The `HarmonicPower` of a field with the covariance F F^T of channels at each l.
 
-    Per mode; of one l after the other. The channel width is in MHz.
+    Of F, (n_channels, n), mK, of one l after the other; the channel width is in MHz.
     """
     rows = []
-    for covariance in covariances:
-        rows.append((_expected(covariance),))
-    return _harmonic_powers(rows, len(covariance), channel_width)[0]
+    for one in spectra:
+        rows.append((np.sum(np.abs(fft.rfft(one, axis=0)) ** 2, axis=1),))
+    return _harmonic_powers(rows, len(one), channel_width)[0]
 
 
 def _expected(covariance):

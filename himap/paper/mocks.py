@@ -145,7 +145,7 @@ def foreground_left(case, remover, mocks, mask_peaks=True):
 def _left(case, known, data, remover, separation):
     """`foreground_left` of `Data` whose foreground is `known`, in which a method found a `Separation`."""
     beams = data.beams if "beams" in remover.uses else None
-    return expected_power(known.residual_covariances(data, separation, beams), case.survey.channel_width)
+    return expected_power(known.residual_spectra(data, separation, beams), case.survey.channel_width)
 
 
 @product
@@ -161,7 +161,7 @@ def resampled(case, removers, mock, mocks, mask_peaks=True):
     rng = replace(case.survey, seed=mock.seed).rng("foreground")
     known = foreground_like(case, mocks)
     drawn = known.draw(_with_peaks(case), rng)
-    member, powers = cleaned.cleaning(case, removers[0], mask_peaks).resampled(maps, drawn), []
+    member, powers = cleaned.cleaning(case, removers[0], mask_peaks).resampled(maps, drawn, alms), []
     known = known.of_member(member.data, alms)
     for remover in removers:
         found = _separated(case, member, remover)

@@ -17,6 +17,7 @@ _BRIGHT = 9.0  # times the variance of the faint axes: foreground, not HI and no
 _FAINT = 0.25  # quantile of the variances, HI and noise unless three quarters of the channels hold more
 _CLOSE = 0.3  # of the level of HI and noise: how well the maps of what is bright are reproduced
 _DIGITS = 1e-6  # of a map: beyond, float32 has none
+_NEGLIGIBLE = 1e-10  # of the level of HI and noise, in the mean over all modes: faint at any l
 _FINE = 64  # nside from which plain quadrature is good to 0.2 % of a coefficient; at 16 it is to 1 %
 
 
@@ -69,6 +70,19 @@ class CubeModes(SplitModes):
         """Largest multipole, 3 nside - 1."""
         return math.isqrt(self.rest.shape[1]) - 1
 
+    def without_peaks(self, maps, smooth):
+        """The same of maps `smooth` (n_channels, n_pix) that differ from `maps`, those of these, in peaks.
+
+        Only peaks are analysed, as `rest` is; at l = 0 nothing changes, as channel means are subtracted.
+        """
+        rest = self.rest.copy()
+        for with_peaks, without, out in zip(progress(maps, "peaks"), smooth, rest, strict=True):
+            peaks = (with_peaks - without).astype(np.float32)
+            if peaks.any():
+                alm = sphere.analyse(peaks, self.lmax, n_iter=n_iter_of_faint(sphere.nside_of(peaks)))
+                out[1:] -= harmonic.to_modes(alm)[1:]
+        return replace(self, rest=rest)
+
     def upto(self, lmax, channels=slice(None)):
         """The modes of all channels, or some, to `lmax`, (n_channels, (lmax + 1)^2) float64."""
         block = slice((lmax + 1) ** 2)
@@ -114,26 +128,69 @@ def cube_modes(maps, kept=None, covariance=None):
     1e-5. Products run on one thread: the number of threads changes their last bits, and SDecGMCA with them.
     """
     nside = sphere.nside_of(maps if kept is None else kept)
-    lmax, n_iter = 3 * nside - 1, 0 if nside >= _FINE else sphere.N_ITER_FLAT
+    lmax, n_iter = 3 * nside - 1, n_iter_of_faint(nside)
     with threadpool_limits(1, user_api="blas"):
         values, axes = np.linalg.eigh(channel_covariance(maps) if covariance is None else covariance)
-        faint = max(np.quantile(values, _FAINT), _DIGITS**2 * values[-1])
+        faint = _faint(values)
         spectra, values = axes[:, values > _BRIGHT * faint], values[values > _BRIGHT * faint]
-        tolerances = np.maximum(_CLOSE * np.sqrt(faint / values), _DIGITS)  # of noise alone
         lines = projection(spectra.T, maps)
-        bright = np.empty((len(lines), (lmax + 1) ** 2))
-        for line, tolerance, out in zip(progress(lines, "bright maps"), tolerances, bright, strict=True):
-            if kept is None:
-                alm = sphere.analyse_closely(line, lmax, tolerance)
-            else:
-                alm = inpaint_alm(scattered(line, kept), kept, tolerance)
-            out[:] = harmonic.to_modes(alm)
+        bright = _bright_modes(lines, values, faint, kept)
         rest = np.empty((len(maps), (lmax + 1) ** 2), dtype=np.float32)
         for channel, spectrum, out in zip(progress(maps, "analysis"), spectra, rest, strict=True):
             pixels = (channel - spectrum @ lines).astype(np.float32)
             pixels = pixels if kept is None else scattered(pixels, kept)
             out[:] = harmonic.to_modes(sphere.analyse(pixels, lmax, n_iter=n_iter))
     return CubeModes(spectra=spectra, bright=bright, rest=rest)
+
+
+def modes_of_sum(foreground, alms, covariance):
+    """The `CubeModes` of a foreground with HI and noise whose coefficients are known.
+
+    The foreground is analysed as in `cube_modes`, with the errors that it has there.
+
+    Parameters
+    ----------
+    foreground
+        A `LowRankCube` of the full sphere; its channel means are subtracted.
+    alms
+        Of HI and noise less channel means, (n_channels, n_alm), to 3 nside - 1.
+    covariance
+        The `channel_covariance` of maps with as much HI and noise.
+    """
+    faint = _faint(np.linalg.eigvalsh(covariance))
+    terms = foreground.truncate(_NEGLIGIBLE * faint)
+    values = np.mean(terms.maps**2, axis=1)
+    bright = _bright_modes(terms.maps, values, faint)
+    rest = harmonic.to_modes(alms).astype(np.float32)
+    return CubeModes(spectra=terms.spectra, bright=bright, rest=rest)
+
+
+def _faint(values):
+    """The level of HI and noise among variances, eigenvalues that ascend."""
+    return max(np.quantile(values, _FAINT), _DIGITS**2 * values[-1])
+
+
+def _bright_modes(lines, values, faint, kept=None):
+    """Real modes of maps with variances `values`, float64, so closely that less than HI and noise remains."""
+    n_pix = lines.shape[1] if kept is None else len(kept)
+    nside, out = sphere.nside_of(np.empty(n_pix, dtype=bool)), np.empty((len(lines), 3 * n_pix // 4))
+    tolerances = np.maximum(_CLOSE * np.sqrt(faint / values), _DIGITS)  # of noise alone
+    is_bright = values > _BRIGHT * faint
+    rows = zip(progress(lines, "bright maps"), tolerances, is_bright, out, strict=True)
+    for line, tolerance, bright, modes in rows:
+        if not bright:
+            alm = sphere.analyse(line, n_iter=n_iter_of_faint(nside))
+        elif kept is None:
+            alm = sphere.analyse_closely(line, 3 * nside - 1, tolerance)
+        else:
+            alm = inpaint_alm(scattered(line, kept), kept, tolerance)
+        modes[:] = harmonic.to_modes(alm)
+    return out
+
+
+def n_iter_of_faint(nside):
+    """Refinements of the quadrature that maps as faint as HI and noise need."""
+    return 0 if nside >= _FINE else sphere.N_ITER_FLAT
 
 
 def inpainted_maps(lines, kept, modes):

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from himap.maps.low_rank import blocks
+from himap.maps.low_rank import in_threads
 from himap.removal.data import Data
 from himap.removal.peaks import mask_peaks
 
@@ -73,20 +73,30 @@ class Cleaning:
         """The same of the data with a mock, (n_channels, n_pix), mK, and without the peaks of both."""
         return self._of(self.data.with_mock(mock))
 
-    def resampled(self, mock, separation=None):
+    def resampled(self, mock, separation=None, alms=None):
         """The same of a member of a parametric bootstrap, whose truth is the mock (n_channels, n_pix), mK.
 
         The mock replaces all that the data have beyond their foreground, that of a `Separation` or as it was
-        estimated; peaks are masked again, and missing voxels remain missing.
+        estimated; peaks are masked again, and missing voxels remain missing. With the coefficients `alms` of
+        the mock less its means, (n_channels, n_alm) to 3 nside - 1, few maps of the member are transformed.
         """
         separation = self.separation if separation is None else separation
         foreground, old = separation.foreground, self.data.maps
         maps = np.empty_like(old)
-        for pixels in blocks(maps.shape[1]):
+
+        def add(pixels):
             maps[:, pixels] = foreground.lines(pixels) + separation.means[:, None] + mock[:, pixels]
+
+        in_threads(add, maps.shape[1], "member")
         if self.data.missing is not None:
             maps = np.where(self.data.missing, old, maps)
-        return self._of(replace(self.data, maps=maps))
+        data = replace(self.data, maps=maps)
+        if alms is not None:
+            # Imported here: most methods need no transforms, and importing these takes a second.
+            from himap.removal.analysis import modes_of_sum
+
+            data.known["modes"] = lambda: modes_of_sum(foreground, alms, self.basis.covariance)
+        return self._of(data)
 
     @property
     def _keeps_peaks(self):
@@ -127,4 +137,7 @@ def without_peaks(data, spread="line"):
     """`Data` whose peaks are replaced by a smooth baseline, in the floats of the maps."""
     masked = mask_peaks(data.maps, data.freqs, spread=spread, weights=data.weights)
     double = data.maps.dtype == np.float64
-    return replace(data, maps=np.where(masked.flagged, masked.maps, data.maps) if double else masked.maps)
+    basis = replace(data, maps=np.where(masked.flagged, masked.maps, data.maps) if double else masked.maps)
+    if "modes" in data.known and data.grid is None:
+        basis.known["modes"] = lambda: data.modes.without_peaks(data.maps, basis.maps)
+    return basis

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
 from scipy.stats import wishart
 
 from himap.core.errors import InputError
@@ -18,7 +17,15 @@ from himap.removal.smooth_spectra import (
     signal_variance,
     smooth_seen,
 )
-from himap.removal.spectral_filter import RANK, SpectralFilter, filtered
+from himap.removal.spectral_filter import (
+    FINE,
+    RANK,
+    SpectralFilter,
+    combined,
+    estimated,
+    filtered,
+    on_sky,
+)
 
 N_SMOOTH = 6
 """Smooth functions of frequency: they hold any power law to the last digit of float32."""
@@ -105,7 +112,7 @@ class SmoothForeground:
             drawn = np.atleast_2d(wishart(n, one / n).rvs(random_state=rng))
             totals.append(root @ drawn @ root.T)
         axes = _axes(self.roots, totals, self.n_modes, self.n_exact)
-        return _with_scatter(replace(self, axes=axes).mean(data), rng)
+        return _drawn(replace(self, axes=axes)._filter(data), data, rng)
 
     def _filter(self, data):
         """The Wiener filter that makes the mean of the foreground given the data, a `SpectralFilter`."""
@@ -115,10 +122,10 @@ class SmoothForeground:
         spectra = [seen[first : last + 1] @ root @ axes for (first, last), root, axes in bands]
         return SpectralFilter.wiener(spectra, self.faint, edges)
 
-    def residual_covariances(self, data, separation, beams=None):
-        """Covariance of what a method leaves of the foreground given the data, of each l in turn.
+    def residual_spectra(self, data, separation, beams=None):
+        """Spectra F of what a method leaves of the foreground given the data, (n_channels, n), of each l.
 
-        A mean over the 2 l + 1 modes, (n_channels, n_channels), mK^2: that of the mean of the foreground, and
+        F F^T is its covariance, mK^2, a mean over the 2 l + 1 modes: that of the mean of the foreground, and
         of what is not known of it. It is all that is left by projections on spectra, such as PCA and
         `BeamSubspace`, and by `SmoothSpectra`; other methods may leave more.
 
@@ -134,13 +141,13 @@ class SmoothForeground:
             where these or those of the data do.
         """
         linear = self._filter(data)
-        known = zip(linear.spectra, linear.estimators, strict=True)
-        pairs = zip(known, _kept(separation, beams, len(linear.spectra)), strict=False)
-        for degree, ((spectra, estimator), keeps) in enumerate(pairs):
-            mean = spectra @ (estimator @ data.modes.at(degree))
-            covariance = mean @ mean.T / (2 * degree + 1) + spectra @ estimator @ linear.faint_at(degree)
+        known = zip(linear.spectra, linear.estimators, linear.uncertain, strict=True)
+        pairs = zip(known, _removed(separation, beams, len(linear.spectra)), strict=False)
+        for degree, ((spectra, estimator, uncertain), (removed, fit)) in enumerate(pairs):
+            mean = estimator @ data.modes.at(degree)
+            root = _root(mean @ mean.T / (2 * degree + 1) + uncertain)
             # Means are subtracted.
-            yield keeps @ covariance @ keeps.T if degree else np.zeros_like(covariance)
+            yield (spectra - removed @ (fit @ spectra)) @ root * bool(degree)
 
     def mean(self, data):
         """The mean of the foreground given the data, and the filter that makes it, a `FilteredSeparation`."""
@@ -260,34 +267,34 @@ def _axes(roots, totals, n_modes, n_exact):
     return [np.pad(one, ((0, 0), (0, n_axes - one.shape[1]))) for one in several]
 
 
-def _kept(separation, beams, n_degrees):
-    """1 - W_l G_l of a `Separation` for each l in turn, (n_channels, n_channels): what it leaves."""
+def _removed(separation, beams, n_degrees):
+    """W_l and G_l of a `Separation` for each l in turn: it leaves 1 - W_l G_l."""
     if isinstance(separation, FilteredSeparation):
-        pairs = zip(separation.filter.spectra, separation.filter.estimators, strict=True)
-    elif beams is None:
+        return zip(separation.filter.spectra, separation.filter.estimators, strict=True)
+    if beams is None:
         spectra = separation.foreground.spectra
-        pairs = [(spectra, np.linalg.pinv(spectra, rcond=RANK))] * n_degrees
-    else:
-        seen = (beams / beams.max(axis=0)).T[:n_degrees, :, None] * separation.mixing  # so that no l is 0
-        pairs = zip(seen, np.linalg.pinv(seen, rcond=RANK), strict=True)
-    for spectra, estimator in pairs:
-        yield np.eye(len(spectra)) - spectra @ estimator
+        return [(spectra, np.linalg.pinv(spectra, rcond=RANK))] * n_degrees
+    seen = (beams / beams.max(axis=0)).T[:n_degrees, :, None] * separation.mixing  # so that no l is 0
+    return zip(seen, np.linalg.pinv(seen, rcond=RANK), strict=True)
 
 
-def _with_scatter(mean, rng):
-    """A `FilteredSeparation` with a foreground drawn from the posterior whose mean it has."""
-    spectra = mean.filter.spectra
-    axes = linalg.orth(np.hstack(list(spectra)), rcond=RANK)
-    modes = np.zeros((axes.shape[1], len(spectra) ** 2))
-    for degree, out in enumerate(harmonic.blocks(modes)[1:], 1):  # means are subtracted
-        within = spectra[degree]
-        precision = within.T @ np.linalg.solve(mean.filter.faint_at(degree), within)
-        space, mixing = np.linalg.qr(within)
-        covariance = mixing @ np.linalg.solve(precision + np.eye(len(precision)), mixing.T)
-        values, turn = np.linalg.eigh(covariance)
-        root = (turn * np.sqrt(np.maximum(values, 0))) @ turn.T
-        # Of draws in channels: the axes, and so draws along them, have a sign by chance.
+def _root(covariance):
+    """The symmetric root of a covariance, (n, n)."""
+    values, turn = np.linalg.eigh(covariance)
+    return (turn * np.sqrt(np.maximum(values, 0))) @ turn.T
+
+
+def _drawn(linear, data, rng):
+    """A `FilteredSeparation` with a foreground from the posterior of a `SpectralFilter` given the data."""
+    spaces, mixing = np.linalg.qr(linear.spectra)
+    sources, beyond = estimated(mixing @ linear.estimators, data.project, data.modes)
+    pairs = list(zip(spaces, mixing, linear.uncertain, harmonic.blocks(sources), strict=True))
+    for space, mixed, uncertain, out in pairs[1:]:  # means are subtracted
+        # Of draws in channels: the axes of the space, and so draws along them, have a sign by chance.
         drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
-        out[:] = (axes.T @ space) @ (root @ drawn)
-    more = harmonic.synthesise(modes, sphere.nside_of(mean.sources))
-    return replace(mean, low_rank=mean.foreground + LowRankCube(spectra=axes, maps=more))
+        out += _root(mixed @ uncertain @ mixed.T) @ drawn
+    low_rank = on_sky(combined(sources, spaces, FINE), sphere.nside_of(beyond))
+    low_rank += LowRankCube(spectra=spaces[-1], maps=beyond)
+    return FilteredSeparation(
+        mixing=low_rank.spectra, sources=low_rank.maps, low_rank=low_rank, filter=linear, means=data.means
+    )

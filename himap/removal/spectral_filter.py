@@ -12,7 +12,8 @@ from himap.removal import harmonic
 RANK = 1e-10
 """Spectra below this share of the largest do not reach the last digit of float32."""
 
-_FINE = 1e-12  # of the brightest spectrum at any l: far below a mode of HI
+FINE = 1e-12
+"""Of the brightest spectrum at any l: far below a mode of HI."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,12 +55,23 @@ class SpectralFilter:
         """The covariance of HI and noise at one l, (n_channels, n_channels)."""
         return self.faint[np.searchsorted(self.first, degree, side="right") - 1]
 
+    @property
+    def uncertain(self):
+        """Of a Wiener filter the covariance of sources given the data, (W_l^T C^-1 W_l + 1)^-1."""
+        bands = zip(np.split(self.spectra, self.first[1:]), self.faint, strict=True)
+        return np.concatenate([np.linalg.inv(_weighted(*band)[1]) for band in bands])
+
 
 def wiener_estimators(spectra, faint):
     """G_l of `SpectralFilter.wiener` in one band, (n_l, n_sources, n_channels)."""
-    weighted = np.linalg.inv(faint) @ spectra
-    precision = np.swapaxes(spectra, 1, 2) @ weighted + np.eye(spectra.shape[2])
+    weighted, precision = _weighted(spectra, faint)
     return np.linalg.solve(precision, np.swapaxes(weighted, 1, 2))
+
+
+def _weighted(spectra, faint):
+    """C^-1 W_l, and W_l^T C^-1 W_l + 1, of one band."""
+    weighted = np.linalg.inv(faint) @ spectra
+    return weighted, np.swapaxes(spectra, 1, 2) @ weighted + np.eye(spectra.shape[2])
 
 
 def filtered(spectra, estimators, project, modes, low=None):
@@ -69,17 +81,23 @@ def filtered(spectra, estimators, project, modes, low=None):
     their channel means: ``project(rows)`` is ``rows @ maps``, as of `Data.project`, and `modes` are their
     `CubeModes`. In place of the first G_l X_l may be others, `low`, real modes (n, n_low).
     """
+    sources, beyond = estimated(estimators, project, modes)
+    if low is not None:
+        sources[:, : low.shape[1]] = low
+    foreground = on_sky(combined(sources, spectra, FINE), sphere.nside_of(beyond))
+    return foreground + LowRankCube(spectra=spectra[-1], maps=beyond)
+
+
+def estimated(estimators, project, modes):
+    """G_l X_l of `filtered`, real modes (n, n_l^2), and maps (n, n_pix) of what the last G finds beyond."""
     last, size = estimators[-1], estimators.shape[1]
-    sources = np.empty((2 * size, len(spectra) ** 2))
+    sources = np.empty((2 * size, len(estimators) ** 2))
     for degree, out in enumerate(harmonic.blocks(sources)):
         out[:] = np.concatenate([estimators[degree], last]) @ modes.at(degree)
     sources, as_last = np.split(sources, 2)
     beyond = project(last)
     beyond -= harmonic.synthesise(as_last, sphere.nside_of(beyond))
-    if low is not None:
-        sources[:, : low.shape[1]] = low
-    foreground = on_sky(combined(sources, spectra, _FINE), sphere.nside_of(beyond))
-    return foreground + LowRankCube(spectra=spectra[-1], maps=beyond)
+    return sources, beyond
 
 
 def through_beams(project, space, beams, modes):

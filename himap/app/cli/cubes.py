@@ -161,7 +161,7 @@ def _cleaned(asked):
                 f"The mocks have the foreground that {remover.name} estimated, and foreground residual is "
                 "not known: it is for a full sphere without gaps, with --beam and more than six channels.",
             )
-        in_parts, common = by_brightness(cleaned, measured, corrected), in_neighbours(cleaned, measured)
+        in_parts, common = by_brightness(cleaned, measured, corrected), in_neighbours(measured)
         checks = [brightness_table(in_parts), neighbours_table(common)]
         more = [*texts.corrected_parts(corrected), *checks]
         asked.tables += [texts.corrected_table(corrected), *checks]
