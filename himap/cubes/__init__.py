@@ -1,11 +1,12 @@
 """Cubes of one's own: read, cleaned by any of the methods, judged, and written as they came."""
 
 from himap.cubes.cleaning import beams_of, clean_cube
+from himap.cubes.corrected import correct
 from himap.cubes.files import read_cube
 from himap.cubes.report import write_report
 from himap.cubes.sensitivity import beam_sensitivity
 from himap.cubes.suggestion import suggest
-from himap.cubes.transfer import correct, measure_transfer
+from himap.cubes.transfer import measure_transfer
 from himap.cubes.writing import save_cleaned
 
 __all__ = [

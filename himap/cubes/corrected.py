@@ -1,13 +1,18 @@
-"""Corrected spectra of a cleaned cube in words, tables, a page and a file."""
+"""Spectra of a cleaned cube corrected by its transfer function; in words, tables, a page and a file."""
+
+from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 import pandas as pd
 
+from himap.core.errors import InputError
 from himap.cubes.report import figure, panel
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
-from himap.measures.bootstrap import LEVEL, chance_of, covariance
+from himap.measures.bootstrap import LEVEL, chance_of, covariance, sigma
 from himap.measures.diagnostics import bands
+from himap.measures.transfer import quotient
 
 HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample")
 """Columns of `corrected_table`."""
@@ -17,6 +22,148 @@ HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "total pull"
 
 _MOST = 0.5  # of the power of the residual
 _LOST = 0.01  # of the power: where less is lost, mocks unlike the data do no harm
+
+
+@dataclass(frozen=True, kw_only=True)
+class Corrected:
+    """One spectrum of a cleaned cube, corrected for signal loss and foreground residual.
+
+    Attributes
+    ----------
+    x
+        l, or k in 1/MHz, (n,).
+    residual
+        As the method leaves it, C_l averaged over channels in mK^2, or P(k) in mK^2 MHz.
+    share
+        The transfer function.
+    corrected
+        The corrected spectrum; NaN where nothing comes back.
+    errors
+        Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
+    sample
+        Of each mock, (n_mocks, n): sample variance and noise (`TransferFunction.sample`), in no error bar.
+    expected
+        Mean power of the mocks in the place of `corrected`.
+    systematic
+        What was estimated as foreground residual and subtracted, over the transfer function, in the unit of
+        the spectrum. As that estimate rests on assumptions, it is the systematic error of `corrected`.
+    truth
+        The spectrum of the truth, NaN where it is not known.
+    drawn
+        As of `CubeTransfer`: if not, the foreground residual is not known, and `systematic` is no error.
+    """
+
+    x: np.ndarray
+    residual: np.ndarray
+    share: np.ndarray
+    corrected: np.ndarray
+    errors: np.ndarray
+    sample: np.ndarray
+    expected: np.ndarray
+    systematic: np.ndarray
+    truth: np.ndarray
+    drawn: bool
+
+    @property
+    def knows_truth(self):
+        """Whether the truth is known anywhere."""
+        return bool(np.isfinite(self.truth).any())
+
+    @property
+    def foreground(self):
+        """The part of the residual that was subtracted, in its unit; in bins of l nearly."""
+        return self.share * self.systematic
+
+    def sigma(self, bins, of="errors"):
+        """Relative error bars of means over bins, rows of weights (n_bins, n); NaN where one mock is all.
+
+        `of` "sample" those of sample variance and noise.
+        """
+        relative = getattr(self, of)
+        return sigma(relative @ np.transpose(bins)) if len(relative) > 1 else np.full(len(bins), np.nan)
+
+    def errors_in(self, inside):
+        """Relative error bar, systematic error and sample variance of the mean over `inside`, (n,) bool.
+
+        Of the systematic error the means of powers are compared, of the others the ratios at each l or k.
+        """
+        bins, systematic = [inside / inside.sum()], self.systematic[inside].mean()
+        systematic = abs(systematic / self.corrected[inside].mean())
+        return self.sigma(bins)[0], systematic, self.sigma(bins, "sample")[0]
+
+
+def correct(cleaned, transfer, spectra, truth=None):
+    """Both spectra of a cleaned cube, corrected, {"angular": `Corrected`, "frequency": `Corrected`}.
+
+    Parameters
+    ----------
+    cleaned
+        The `CleanedCube`.
+    transfer
+        Its `CubeTransfer` (`measure_transfer`).
+    spectra
+        Its `PowerSpectra`, in bins of l where a mask asks for them.
+    truth
+        The `Comparison` with the truth, if there is one.
+
+    Raises
+    ------
+    InputError
+        A transfer function of another cube.
+    """
+    n_seen = sum(map(len, transfer.parts.pixels))
+    if (n_seen, transfer.powers.shape[-1]) != (cleaned.cube.maps.shape[1], len(spectra.frequency.k)):
+        raise InputError(
+            f"the transfer function is of another cube, with {n_seen} seen pixels and "
+            f"{transfer.powers.shape[-1]} values of P(k): measure it for this one (measure_transfer)."
+        )
+    shown = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
+    shown["frequency"] = spectra.frequency.k, spectra.frequency.power
+    true = dict.fromkeys(shown, ([0], [np.nan]))
+    if truth is not None:
+        true = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
+    return {kind: _corrected(kind, transfer, shown[kind], true[kind]) for kind in shown}
+
+
+def _ends(middles):
+    """Ends of bins of l that follow each other from l = 0 on, in which each l counts the same, (2, n)."""
+    ends = [*accumulate(middles, lambda end, middle: 2 * middle - end, initial=-0.5)]
+    return np.array([ends[:-1], ends[1:]])
+
+
+def _corrected(kind, transfer, shown, true):
+    """The `Corrected` of one spectrum, in the bins that are `shown`, by a `CubeTransfer`.
+
+    `shown` and `true` are places, l or k, and the power there, of the residual and of the truth.
+    """
+    x, residual = shown
+    known = slice(2, None) if kind == "angular" else slice(1, None)
+    known_at = (transfer.degrees if kind == "angular" else transfer.k)[known]
+    inside = (x >= known_at[0]) & (x <= known_at[-1])
+    low, high = _ends(x) if kind == "angular" else (x - (x[1] - x[0]) / 2, x + (x[1] - x[0]) / 2)
+    bins = (known_at > low[inside, None]) & (known_at < high[inside, None])
+    bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
+    residual_power, share = getattr(transfer.residual, kind), getattr(transfer, kind)
+    # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
+    scale = residual[inside] / (bins @ residual_power[known])
+    lost = share <= 0
+    found = transfer.corrected(kind, getattr(transfer.without_foreground, kind))
+    systematic = quotient(residual_power, share) - found
+    corrected = np.where(lost, 0, found)
+    several = len(transfer.mocks) > 1
+    expected = np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)
+    return Corrected(
+        x=x[inside],
+        residual=residual[inside],
+        share=bins @ share[known],
+        corrected=np.where(bins @ lost[known] > 0, np.nan, bins @ corrected[known]) * scale,
+        errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
+        sample=transfer.sample(kind)[:, known] @ bins.T,
+        expected=bins @ expected[known] * scale,
+        systematic=bins @ systematic[known] * scale,
+        truth=np.interp(x[inside], *true, left=np.nan, right=np.nan),
+        drawn=transfer.drawn,
+    )
 
 
 def in_bands(corrected):

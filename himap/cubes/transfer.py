@@ -1,7 +1,6 @@
-"""Spectra of a cleaned cube, corrected by mocks for signal loss and foreground residual."""
+"""Signal loss and foreground residual of a cleaned cube, from mocks in the place of its HI and noise."""
 
 from dataclasses import dataclass, replace
-from itertools import accumulate
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,7 +11,6 @@ from himap.core.errors import InputError
 from himap.cubes.brightness import Parts
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
-from himap.measures.bootstrap import sigma
 from himap.measures.low_rank_spectra import FAINT, masked_alms
 from himap.measures.transfer import (
     HarmonicPower,
@@ -20,78 +18,9 @@ from himap.measures.transfer import (
     expected_power,
     harmonic_power,
     mock_power,
-    quotient,
 )
 from himap.removal.analysis import n_iter_of_faint
 from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of
-
-
-@dataclass(frozen=True, kw_only=True)
-class Corrected:
-    """One spectrum of a cleaned cube, corrected for signal loss and foreground residual.
-
-    Attributes
-    ----------
-    x
-        l, or k in 1/MHz, (n,).
-    residual
-        As the method leaves it, C_l averaged over channels in mK^2, or P(k) in mK^2 MHz.
-    share
-        The transfer function.
-    corrected
-        The corrected spectrum; NaN where nothing comes back.
-    errors
-        Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
-    sample
-        Of each mock, (n_mocks, n): sample variance and noise (`TransferFunction.sample`), in no error bar.
-    expected
-        The mean power of the mocks in the place of `corrected`.
-    systematic
-        What was estimated as foreground residual and subtracted, over the transfer function, in the unit of
-        the spectrum. As that estimate rests on assumptions, it is the systematic error of `corrected`.
-    truth
-        The spectrum of the truth, NaN where it is not known.
-    drawn
-        As of `CubeTransfer`: if not, the foreground residual is not known, and `systematic` is no error.
-    """
-
-    x: np.ndarray
-    residual: np.ndarray
-    share: np.ndarray
-    corrected: np.ndarray
-    errors: np.ndarray
-    sample: np.ndarray
-    expected: np.ndarray
-    systematic: np.ndarray
-    truth: np.ndarray
-    drawn: bool
-
-    @property
-    def knows_truth(self):
-        """Whether the truth is known anywhere."""
-        return bool(np.isfinite(self.truth).any())
-
-    @property
-    def foreground(self):
-        """The part of the residual that was subtracted, in its unit; in bins of l nearly."""
-        return self.share * self.systematic
-
-    def sigma(self, bins, of="errors"):
-        """Relative error bars of means over bins, rows of weights (n_bins, n); NaN where one mock is all.
-
-        `of` "sample" those of sample variance and noise.
-        """
-        relative = getattr(self, of)
-        return sigma(relative @ np.transpose(bins)) if len(relative) > 1 else np.full(len(bins), np.nan)
-
-    def errors_in(self, inside):
-        """Relative error bar, systematic error and sample variance of the mean over `inside`, (n,) bool.
-
-        Of the systematic error the means of powers are compared, of the others the ratios at each l or k.
-        """
-        bins, systematic = [inside / inside.sum()], self.systematic[inside].mean()
-        systematic = abs(systematic / self.corrected[inside].mean())
-        return self.sigma(bins)[0], systematic, self.sigma(bins, "sample")[0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,11 +58,10 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     """The bootstrap of a cleaning: mocks in the place of the HI and noise of the cube, cleaned as it was.
 
     With the beams of a full sphere without gaps, in more than `N_SMOOTH` channels, the foreground of every
-    member is drawn from what is known of that of the cube, if its HI and noise are like the mocks
-    (`himap.removal.smooth_posterior.SmoothForeground`), so that it has what the method leaves in the residual
-    too. Else it is the one that the method estimated. What the method leaves of a drawn foreground is
-    estimated from each member and the other mocks, as it is from the cube
-    (`himap.removal.smooth_posterior.SmoothForeground.residual_spectra`): members have the errors of that.
+    member is drawn from what is known of that of the cube (`SmoothForeground`), so that it has what the
+    method leaves in the residual too. Else it is the one that the method estimated. What the method leaves of
+    a drawn foreground is estimated from each member and the other mocks, as it is from the cube
+    (`SmoothForeground.residual_spectra`): members have the errors of that.
 
     Mocks go through the gaps of a cube and are cleaned with its weights. Where a voxel is missing the mock,
     what comes back of it and the residual of the cube all count as 0, so that their ratios are right.
@@ -257,8 +185,8 @@ def alms_of(cube, maps, lmax=None):
 
     Of maps as faint as HI and noise, all with the same errors, which ratios of their powers do not have.
     """
-    n_iter = n_iter_of_faint(cube.nside)
-    alms = masked_alms(cube.on_sphere(maps), mask=cube.sky_mask, n_iter=n_iter)
+    maps, n_iter = cube.on_sphere(maps), n_iter_of_faint(cube.nside)
+    alms = masked_alms(maps, mask=cube.sky_mask, n_iter=n_iter)
     return alms if lmax is None else sphere.alms_upto(alms, lmax)
 
 
@@ -280,77 +208,3 @@ def mock_power_of_change(cube, maps, alms, before, after):
     if not len(change.maps):  # nothing moves
         change = LowRankCube(spectra=np.zeros((len(cube.freqs), 1)), maps=np.zeros((1, cube.maps.shape[1])))
     return mock_power(alms, replace(change, maps=cube.on_sphere(change.maps)), cube.channel_width)
-
-
-def correct(cleaned, transfer, spectra, truth=None):
-    """Both spectra of a cleaned cube, corrected, {"angular": `Corrected`, "frequency": `Corrected`}.
-
-    Parameters
-    ----------
-    cleaned
-        The `CleanedCube`.
-    transfer
-        Its `CubeTransfer` (`measure_transfer`).
-    spectra
-        Its `PowerSpectra`, in bins of l where a mask asks for them.
-    truth
-        The `Comparison` with the truth, if there is one.
-
-    Raises
-    ------
-    InputError
-        A transfer function of another cube.
-    """
-    n_seen = sum(map(len, transfer.parts.pixels))
-    if (n_seen, transfer.powers.shape[-1]) != (cleaned.cube.maps.shape[1], len(spectra.frequency.k)):
-        raise InputError(
-            f"the transfer function is of another cube, with {n_seen} seen pixels and "
-            f"{transfer.powers.shape[-1]} values of P(k): measure it for this one (measure_transfer)."
-        )
-    shown = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
-    shown["frequency"] = spectra.frequency.k, spectra.frequency.power
-    true = dict.fromkeys(shown, ([0], [np.nan]))
-    if truth is not None:
-        true = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
-    return {kind: _corrected(kind, transfer, shown[kind], true[kind]) for kind in shown}
-
-
-def _ends(middles):
-    """Ends of bins of l that follow each other from l = 0 on, in which each l counts the same, (2, n)."""
-    ends = [*accumulate(middles, lambda end, middle: 2 * middle - end, initial=-0.5)]
-    return np.array([ends[:-1], ends[1:]])
-
-
-def _corrected(kind, transfer, shown, true):
-    """The `Corrected` of one spectrum, in the bins that are `shown`, by a `CubeTransfer`.
-
-    `shown` and `true` are places, l or k, and the power there, of the residual and of the truth.
-    """
-    x, residual = shown
-    known = slice(2, None) if kind == "angular" else slice(1, None)
-    known_at = (transfer.degrees if kind == "angular" else transfer.k)[known]
-    inside = (x >= known_at[0]) & (x <= known_at[-1])
-    low, high = _ends(x) if kind == "angular" else (x - (x[1] - x[0]) / 2, x + (x[1] - x[0]) / 2)
-    bins = (known_at > low[inside, None]) & (known_at < high[inside, None])
-    bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
-    residual_power, share = getattr(transfer.residual, kind), getattr(transfer, kind)
-    # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
-    scale = residual[inside] / (bins @ residual_power[known])
-    lost = share <= 0
-    found = transfer.corrected(kind, getattr(transfer.without_foreground, kind))
-    systematic = quotient(residual_power, share) - found
-    corrected = np.where(lost, 0, found)
-    several = len(transfer.mocks) > 1
-    expected = np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)
-    return Corrected(
-        x=x[inside],
-        residual=residual[inside],
-        share=bins @ share[known],
-        corrected=np.where(bins @ lost[known] > 0, np.nan, bins @ corrected[known]) * scale,
-        errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
-        sample=transfer.sample(kind)[:, known] @ bins.T,
-        expected=bins @ expected[known] * scale,
-        systematic=bins @ systematic[known] * scale,
-        truth=np.interp(x[inside], *true, left=np.nan, right=np.nan),
-        drawn=transfer.drawn,
-    )

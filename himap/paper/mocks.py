@@ -161,7 +161,7 @@ def resampled(case, removers, mock, mocks, mask_peaks=True):
     rng = replace(case.survey, seed=mock.seed).rng("foreground")
     known = foreground_like(case, mocks)
     drawn = known.draw(_with_peaks(case), rng)
-    member, powers = cleaned.cleaning(case, removers[0], mask_peaks).resampled(maps, drawn, alms), []
+    member, powers = cleaned.cleaning(case, removers[0], mask_peaks).resampled(maps, drawn), []
     known = known.of_member(member.data, alms)
     for remover in removers:
         found = _separated(case, member, remover)

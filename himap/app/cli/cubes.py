@@ -126,7 +126,7 @@ def _cleaned(asked):
     from himap.cubes.neighbours import in_neighbours, neighbours_table, remarks_on_neighbours
     from himap.cubes.report import cylindrical_part, write_report
     from himap.cubes.spectra import check_truth, compared, spectra_of
-    from himap.cubes.transfer import correct, measure_transfer
+    from himap.cubes.transfer import measure_transfer
     from himap.cubes.writing import check_columns
     from himap.removal import create
     from himap.removal.restarts import checked_restarts
@@ -154,7 +154,7 @@ def _cleaned(asked):
     spectra = None if true is not None and mocks is None else spectra_of(cleaned)
     if mocks is not None:
         measured = measure_transfer(cleaned, mocks, beams=beams)
-        corrected = correct(cleaned, measured, spectra, comparison)
+        corrected = texts.correct(cleaned, measured, spectra, comparison)
         if not measured.drawn:
             tell(
                 asked,
