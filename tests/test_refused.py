@@ -137,6 +137,7 @@ TABLE = [
     (Galaxy, "template_dir", ".", "leave it out or choose the Galaxy 'templates'"),
     (partial(Galaxy, source="pysm3"), "template_dir", ".", "with 'pysm3'"),
     (Galaxy, "small_scales", "yes", "True or False"),
+    (Galaxy, "small_scales", False, "leave it out, or choose the Galaxy 'templates'"),
     (partial(Galaxy().components, rng=np.random.default_rng(1)), "nside", 0, "whole number between 1"),
     (partial(Galaxy().components, rng=np.random.default_rng(1)), "nside", 48, "power of two"),
     (partial(Galaxy().components, rng=np.random.default_rng(1)), "nside", 16.5, "whole number between 1"),

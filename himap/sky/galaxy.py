@@ -43,7 +43,8 @@ class Galaxy:
     Raises
     ------
     InputError
-        An unknown source, or a folder that is missing, does not exist or has no use.
+        An unknown source, a folder that is missing, does not exist or has no use, or "synthetic" without
+        small scales.
     """
 
     source: str = "synthetic"
@@ -55,6 +56,11 @@ class Galaxy:
             raise InputError(f"unknown Galaxy {self.source!r}; there are {', '.join(SOURCES)}.")
         if not isinstance(self.small_scales, (bool, np.bool_)):
             raise InputError(f"small_scales must be True or False, got {self.small_scales!r}.")
+        if self.source == "synthetic" and not self.small_scales:
+            raise InputError(
+                "small_scales=False is for templates; the synthetic Galaxy has small scales at any nside: leave "
+                "it out, or choose the Galaxy 'templates'."
+            )
         if self.source == "templates":
             if not isinstance(self.template_dir, (str, os.PathLike)):
                 raise InputError(
