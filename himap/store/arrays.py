@@ -21,17 +21,9 @@ _ARRAY, _CLASS, _TUPLE, _DICT = "array", "class", "tuple", "dict"
 
 
 def write_value(value, folder):
-    """Write a result into a `Path`: arrays of numbers, dataclasses, lists, tuples, dicts, text and numbers.
+    """Write a result into a folder, a `Path`; returns the names of the files.
 
-    Returns
-    -------
-    list
-        The names of the files.
-
-    Raises
-    ------
-    InputError
-        Something else is in it.
+    InputError for anything but arrays of numbers, dataclasses, lists, tuples, dicts, text and numbers.
     """
     arrays = []
     tree = _tree_of(value, arrays)
@@ -43,13 +35,7 @@ def write_value(value, folder):
 
 
 def read_value(folder):
-    """What `write_value` wrote; its arrays are read-only, and large ones mapped from disk.
-
-    Raises
-    ------
-    ValueError
-        A class that is not loaded, or another tree than what `write_value` writes.
-    """
+    """What `write_value` wrote, with read-only arrays, large ones mapped from disk; else ValueError."""
     return _value_of(json.loads((folder / TREE).read_text()), folder)
 
 

@@ -48,17 +48,11 @@ def _home():
 
 
 def load(product, key):
-    """The result of `product` under `key`, its arrays mapped from disk and read-only.
+    """The result of `product` under `key`, its arrays mapped from disk and read-only; else `Missing`.
 
-    The checksums of its files are compared once by every process that reads it. A result that was cut short
-    or altered since it was written is deleted, with a warning.
-
-    Raises
-    ------
-    Missing
-        There is none, or none any more.
-    InputError
-        It may not be read, or the machine is short of something.
+    Every process that reads it compares the checksums of its files once. A result that was cut short or
+    altered since it was written is deleted, with a warning. InputError where it may not be read, or the
+    machine is short of something.
     """
     folder = _home() / product / key
     if not (folder / _NOTE).is_file():
@@ -86,13 +80,8 @@ def load(product, key):
 def lock(product, key):
     """Wait until no other process computes the result of `product` under `key`, and let others wait.
 
-    The lock of a process that dies is released by the operating system. Where a file system has no locks,
-    nobody waits.
-
-    Raises
-    ------
-    InputError
-        Nothing can be written to the cache.
+    The operating system releases the lock of a process that dies. Where a file system has no locks, nobody
+    waits. InputError where nothing can be written to the cache.
     """
     with _writing(product) as folder:
         file = folder / f"{key}.lock"
@@ -130,18 +119,8 @@ def _writing(product):
 def save(product, key, value, *, arguments, seconds):
     """Keep `value` as the result of `product` under `key`; a complete one that is there already stays.
 
-    Parameters
-    ----------
-    arguments
-        Text that says what it was made from.
-    seconds
-        What it took.
-
-    Raises
-    ------
-    InputError
-        It cannot be written: a full disk, a folder of somebody else, a value that is no arrays and JSON.
-        Nothing of it is kept.
+    `arguments`, a text, says what it was made from, `seconds` what it took. InputError, and nothing is kept,
+    where it cannot be written: a full disk, a folder of somebody else, a value that is no arrays and JSON.
     """
     with _writing(product) as home:
         for path in filter(is_abandoned, home.glob(f"{_UNFINISHED}-*")):
@@ -170,12 +149,7 @@ def workplace(product, key, n_bytes):
     """A folder for files of so many bytes that the making of the result of `product` under `key` needs.
 
     It goes at the end, also after an error. Where the work is interrupted or killed it stays, and the next
-    call with this key has what it holds. Another process waits.
-
-    Raises
-    ------
-    InputError
-        There is no room, or nothing can be written to the cache.
+    call with this key has what it holds. Another process waits. InputError where there is no room.
     """
     with lock(product, f"{_UNFINISHED}-{key}"):
         with _writing(product) as home:
@@ -204,12 +178,11 @@ def remove(product, key):
 def _delete(path):
     """Delete one result, as much of it as is there, and whether it is gone."""
     try:
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path.rename(path.with_name(unfinished_name(_UNFINISHED))))
-        else:
-            path.unlink()
-    except FileNotFoundError:
-        return True
+        with contextlib.suppress(FileNotFoundError):
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path.rename(path.with_name(unfinished_name(_UNFINISHED))))
+            else:
+                path.unlink()
     except OSError:
         return False
     return True
@@ -217,18 +190,16 @@ def _delete(path):
 
 def _in_use(unfinished):
     """Whether a process works in a `workplace`; one that writes a result goes on without its folder."""
-    lock = unfinished.with_name(f"{unfinished.name}.lock")
-    if not lock.is_file():
+    file = unfinished.with_name(f"{unfinished.name}.lock")
+    if not file.is_file():
         return False
-    held = FileLock(lock, blocking=False, fallback_to_soft=False)
     try:
-        held.acquire()
+        with FileLock(file, blocking=False, fallback_to_soft=False):
+            return False
     except Timeout:
         return True
     except OSError:  # no locks on this file system
         return False
-    held.release()
-    return False
 
 
 def _identity(file):
@@ -287,17 +258,9 @@ def cache_info():
 
 
 def clear_cache(entries=None):
-    """Delete results, of which there is a `CacheEntry` each; default all. A `workplace` in use stays.
+    """Delete results, of which there is a `CacheEntry` each; default all. Returns the bytes that are freed.
 
-    Returns
-    -------
-    int
-        Bytes freed.
-
-    Raises
-    ------
-    InputError
-        Some cannot be deleted.
+    A `workplace` in use stays. InputError where some cannot be deleted.
     """
     entries = cache_info() if entries is None else entries
     entries = [entry for entry in entries if entry.product != _UNFINISHED or not _in_use(entry.path)]

@@ -58,14 +58,9 @@ def accepted_version():
 def moved(stored, today, *, looks=False):
     """The names under which a stored fingerprint is another today: empty if what was made of it is fresh.
 
-    Parameters
-    ----------
-    stored, today
-        {"code", "look", name of a product or class, path of a file from "./": digest}. A name that only
-        `today` has, say of a new method, moves nothing; a file does. None, or a text as it was once kept, for
-        one that cannot be compared.
-    looks
-        Whether what only shows numbers counts too.
+    Both are {"code", "look", name of a product or class, path of a file from "./": digest}. A name that only
+    `today` has, say of a new method, moves nothing; a file does. What is no dict, as it was once kept, cannot
+    be compared. What only shows numbers counts with `looks`.
     """
     if not (isinstance(stored, dict) and isinstance(today, dict)):
         return ["code"]

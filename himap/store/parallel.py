@@ -36,13 +36,7 @@ _RETRIES = 2  # of work that failed on a worker, such as one without room on its
 
 
 def n_jobs():
-    """How many processes work at once, 1 unless the variable HIMAP_JOBS says otherwise.
-
-    Raises
-    ------
-    InputError
-        HIMAP_JOBS is no whole number above 0.
-    """
+    """How many processes work at once: 1, or HIMAP_JOBS, InputError if that is no whole number above 0."""
     text = os.environ.get(JOBS_VARIABLE, "1")
     if not text.isdecimal() or int(text) < 1:
         raise InputError(f"{JOBS_VARIABLE} must be a whole number of processes above 0, got {text!r}.")
@@ -55,13 +49,7 @@ def dask_address():
 
 
 def check_scheduler():
-    """Refuse, before any work, an address in HIMAP_DASK where no scheduler answers; without one do nothing.
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
+    """InputError, before any work, for an address in HIMAP_DASK where no scheduler answers."""
     if dask_address():
         with _client(_CHECK):
             pass
@@ -71,7 +59,8 @@ def make_all(work, description, *, at_once=None):
     """Make sure that results are in the cache: in `n_jobs()` processes at once, or on the Dask cluster.
 
     What is there already is not made again, so work that was interrupted goes on where it stopped. Cubes
-    do not travel: each process keeps what it computes in the cache folder, and reads from there.
+    do not travel: each process keeps what it computes in the cache folder, and reads from there. Returns how
+    many were made now.
 
     Parameters
     ----------
@@ -82,11 +71,6 @@ def make_all(work, description, *, at_once=None):
         A word or two in front of the bar, which shows the time left.
     at_once
         How many processes of this machine the memory holds; default: any number.
-
-    Returns
-    -------
-    int
-        How many were made now.
 
     Raises
     ------

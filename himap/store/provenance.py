@@ -1,9 +1,10 @@
 """Where a figure comes from: the line under it that says how to make it again."""
 
 import math
+import platform
 import subprocess
-import sys
 import time
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError
@@ -57,20 +58,11 @@ class Provenance:
 
     @classmethod
     def of(cls, survey, *, galaxy, preset, parameters=None, started=None):
-        """The provenance of a result made now from `survey`.
+        """The provenance of a result made now from `survey`, an override of the preset of that name.
 
-        Parameters
-        ----------
-        survey
-            The `Survey`.
-        galaxy
-            Name of the Galaxy, or an object with a `label`.
-        preset
-            Name of the preset that `survey` is an override of.
-        parameters
-            Other parameters that differ from their defaults, {name: value}.
-        started
-            `time.monotonic()` when the work began; default: when himap was first used in this process.
+        The Galaxy is a name, or an object with a `label`. Other parameters are {name: value} of what differs
+        from the defaults. The work began when `time.monotonic()` was `started`, by default when himap was
+        first used in this process.
         """
         base = asdict(PRESETS[preset]) | {"seed": survey.seed}
         changed = {name: value for name, value in asdict(survey).items() if value != base[name]}
@@ -111,14 +103,8 @@ class Provenance:
 def environment():
     """What results of this process are made with: {"himap", "commit", "dirty", "python", "packages"}."""
     commit, dirty = _commit()
-    python = ".".join(map(str, sys.version_info[:3]))
-    return {
-        "himap": __version__,
-        "commit": commit,
-        "dirty": dirty,
-        "python": python,
-        "packages": dict(_packages()),
-    }
+    python, packages = platform.python_version(), dict(_packages())
+    return {"himap": __version__, "commit": commit, "dirty": dirty, "python": python, "packages": packages}
 
 
 def duration(seconds):
@@ -130,13 +116,11 @@ def duration(seconds):
 
 @lru_cache(maxsize=1)
 def _packages():
-    versions = []
+    versions = {}
     for name in PACKAGES:
-        try:
-            versions.append((name, package_version(name)))
-        except PackageNotFoundError:
-            continue
-    return tuple(versions)
+        with suppress(PackageNotFoundError):
+            versions[name] = package_version(name)
+    return tuple(versions.items())
 
 
 @lru_cache(maxsize=1)

@@ -2,7 +2,7 @@
 
 import ast
 import hashlib
-import os
+from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -47,18 +47,9 @@ _BLOCKS = (ast.If, ast.For, ast.While, ast.With, ast.Try, ast.TryStar, ast.Match
 class Code:
     """The statements of a module, with an index by the name that they define.
 
-    Attributes
-    ----------
-    package
-        Name of the package that relative imports start from.
-    is_package
-        Whether this is the ``__init__`` of that package.
-    keeps_labels
-        Whether labels that are passed to functions, ``label="..."``, count.
-    index
-        {name: the top-level statements that define it or change it in place}.
-    ignored
-        The names that are imported from `IGNORED` rooms.
+    Relative imports start from `package`, whose ``__init__`` this is if it `is_package`. With `keeps_labels`
+    labels that are passed to functions, ``label="..."``, count. The `index` has {name: the top-level
+    statements that define it or change it in place}, `ignored` the names imported from `IGNORED` rooms.
     """
 
     def __init__(self, statements, package="", is_package=False, keeps_labels=True):
@@ -227,11 +218,9 @@ def edited():
 
 
 def _state(file):
-    try:
-        status = os.stat(file)
-    except FileNotFoundError:
-        return None
-    return status.st_mtime_ns, status.st_size
+    with suppress(FileNotFoundError):
+        status = file.stat()
+        return status.st_mtime_ns, status.st_size
 
 
 note(ROOT)

@@ -43,11 +43,8 @@ def product(function=None, *, name=None, version=None):
         A number to raise where the result changes for a reason that is not in the source, such as a newer
         package.
 
-    Raises
-    ------
-    InputError
-        When called: arguments that do not fit the signature, or that have no such text; a result that
-        cannot be written.
+    When called, InputError for arguments that do not fit the signature, or that have no such text, and for a
+    result that cannot be written.
 
     >>> @product
     ... def observation(survey, *, beam="degraded"): ...
@@ -75,13 +72,7 @@ MADE = []
 
 
 class Product:
-    """A function whose results are kept on disk; see `product`.
-
-    Attributes
-    ----------
-    name
-        Its fixed name.
-    """
+    """A function whose results are kept on disk, and its fixed `name`; see `product`."""
 
     def __init__(self, function, name=None):
         functools.update_wrapper(self, function)
@@ -182,7 +173,7 @@ def describe(value):
 def _classes(value):
     """The classes of the dataclasses in an argument: their code counts."""
     if isinstance(value, dict):
-        value = tuple(part for pair in value.items() for part in pair)
+        value = [*value, *value.values()]
     if isinstance(value, (tuple, list)):
         return [kind for item in value for kind in _classes(item)]
     if is_dataclass(value):
@@ -194,13 +185,8 @@ def code_digests(objects):
     """Two digests of the fingerprints of functions, classes and modules, a frozenset, but for their looks.
 
     One as this process loaded them and one as they are on disk, of which only the files are read again whose
-    times or sizes have changed.
-
-    Raises
-    ------
-    InputError
-        One is not defined at the top level of a source file (a lambda, a nested function, or something
-        typed into a notebook).
+    times or sizes have changed. InputError where one is not defined at the top level of a source file (a
+    lambda, a nested function, or something typed into a notebook).
     """
     states = frozenset(), frozenset(sources.edited().items())
     return tuple(_digest(objects, accepted_version(), edited) for edited in states)

@@ -41,21 +41,10 @@ class Hole(NamedTuple):
 
 
 class Writer:
-    """Writes the text of one part of a module.
+    """Writes the text of one part of a module, and keeps the `holes` in it, in order.
 
-    Parameters
-    ----------
-    code
-        The `himap.store.fingerprint.Code` of the module.
-    own
-        Name of the part; None for the cells of a notebook, whose variables count.
-    nodes
-        The statements of the part.
-
-    Attributes
-    ----------
-    holes
-        Those in what it wrote, in order.
+    Of a module it has the `himap.store.sources.Code`, and of the part the statements, `nodes`, and the name,
+    `own`, which is None for the cells of a notebook, whose variables count.
     """
 
     def __init__(self, code, own, nodes):

@@ -36,6 +36,9 @@ _DIGITS = 8
 def verify(module, *, renew=False, report=print):
     """Call what changed, accept what gives the stored numbers, and store those of what has none.
 
+    Returns the names of those that give other numbers than the stored ones. InputError where there is no
+    checkout, whose stored results those numbers are among.
+
     Parameters
     ----------
     module
@@ -46,16 +49,6 @@ def verify(module, *, renew=False, report=print):
         Store what differs, for what comes later to be compared with.
     report
         Called with a line for each product or class that changed.
-
-    Returns
-    -------
-    list of str
-        The names of those that give other numbers than the stored ones.
-
-    Raises
-    ------
-    InputError
-        There is no checkout, whose stored results those numbers are among.
     """
     if not fingerprint.ACCEPTED.parent.is_dir():
         raise InputError(
@@ -144,9 +137,7 @@ def summary(value):
         kind = f"{value.dtype} {list(value.shape)}"
         if value.dtype.kind not in "fc":
             return {"kind": kind, "sha256": sha256(np.ascontiguousarray(value).tobytes()).hexdigest()[:16]}
-        flat = np.ravel(value)
-        flat = flat.view(flat.real.dtype) if value.dtype.kind == "c" else flat
-        flat = flat.astype(float)
+        flat = np.ravel(value).view(value.real.dtype).astype(float)
         places = np.linspace(0, len(flat) - 1, min(_N_SAMPLES, len(flat))).astype(int)
         parts = np.array_split(flat, len(places)) if len(flat) else []
         squares = [np.sqrt(np.mean(part**2)) for part in parts]
