@@ -135,19 +135,11 @@ def power_of_two(label, value, low, high):
 
 
 def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=False, choices=(), off=MISSING):
-    """A dataclass field with a help text, and what it may be.
+    """A dataclass field with a help text, and what it may be; without default it must be given.
 
-    Parameters
-    ----------
-    default, help
-        A field without default must be given.
-    minimum, maximum
-        Limits of a number, both inclusive; `above`: the lower one is not.
-    choices
-        The values that there are.
-    off
-        The value with which all is as it was without this field: it then counts in no key of a product, so
-        that results made before it was added stay valid.
+    Limits of a number are inclusive, but for the lower one with `above`; `choices` are the values that there
+    are. With the value `off` all is as it was without this field: it then counts in no key of a product, so
+    that results made before it was added stay valid.
     """
     limits = {"minimum": minimum, "maximum": maximum, "above": above, "choices": choices}
     limits |= {} if off is MISSING else {"off": off}

@@ -50,13 +50,7 @@ def make_private(folder):
 
 
 def check_private(folder):
-    """Refuse an existing folder that others own or can write to.
-
-    Raises
-    ------
-    InputError
-        With the way out.
-    """
+    """InputError for an existing folder that others own or can write to."""
     try:
         status = folder.stat()
     except (FileNotFoundError, NotADirectoryError):
@@ -100,12 +94,8 @@ def is_abandoned(path):
 def run_folder():
     """A temporary folder that the processes of a run share, until this process ends.
 
-    Those of killed processes are removed, and the semaphores of joblib that these had.
-
-    Raises
-    ------
-    InputError
-        No folder for temporary files can be written to.
+    Those of killed processes are removed, and the semaphores of joblib that these had. InputError where no
+    folder for temporary files can be written to.
     """
     homes = []
     with suppress(FileNotFoundError):
@@ -159,12 +149,8 @@ def keep_compiled_code():
 def atomic_files(*paths):
     """Names to write to, in this order, that become `paths`, of one folder, when all of them are written.
 
-    Raises
-    ------
-    InputError
-        One of them, which the message names, or the folders that they lie in, cannot be written.
-    OSError
-        Of another file, as it is.
+    InputError where one of them, which the message names, or a folder that they lie in, cannot be written.
+    An OSError of another file stays as it is.
     """
     paths = [Path(path) for path in paths]
     home, at_work = paths[0].parent, paths[0]
@@ -198,13 +184,7 @@ def _move(files):
 
 
 def complete_abandoned(home):
-    """Complete or remove what ended processes did not finish in the folder `home`.
-
-    Returns
-    -------
-    set
-        The paths of the sets of files that are complete now.
-    """
+    """Complete or remove what ended processes did not finish in a folder; the paths that are complete now."""
     completed = set()
     for folder in filter(is_abandoned, home.glob(f"{_OUTPUT}-*")):
         with suppress(OSError, ValueError):
@@ -217,15 +197,10 @@ def complete_abandoned(home):
 
 
 def check_free(paths, *, overwrite):
-    """Refuse, before the work, output files of one folder that cannot be written, or that exist.
+    """InputError, before the work, for output files of one folder that cannot be written, or that exist.
 
-    What a killed process did not finish is completed first, and may be overwritten.
-
-    Raises
-    ------
-    InputError
-        A folder or device in the place of a file, a name that no file can have, or, without `overwrite`, a
-        file that exists.
+    That is a folder or device in the place of a file, a name that no file can have, or, without `overwrite`,
+    a file. What a killed process did not finish is completed first, and may be overwritten.
     """
     completed = complete_abandoned(paths[0].parent)
     for path in paths:

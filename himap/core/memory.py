@@ -31,25 +31,13 @@ _CUBES = {"observing": 5, "cleaning": 3.5}  # held at once by one process, those
 
 
 def memory_limit():
-    """Bytes that a run may use: HIMAP_MAX_MEMORY, else what the machine has free now.
-
-    Raises
-    ------
-    InputError
-        HIMAP_MAX_MEMORY is no size.
-    """
+    """Bytes that a run may use: HIMAP_MAX_MEMORY, as `parse_size` reads it, else what is free now."""
     text = os.environ.get(LIMIT_VARIABLE, "")
     return parse_size(text) if text else psutil.virtual_memory().available
 
 
 def parse_size(text):
-    """Bytes of a text such as 16GB or 500 MB.
-
-    Raises
-    ------
-    InputError
-        It is no size, or one that no machine has.
-    """
+    """Bytes of a text such as 16GB or 500 MB; InputError for no size, or one that no machine has."""
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?)B?\s*", text, flags=re.ASCII)
     size = float(match[1]) * _UNITS[match[2]] if match else 0
     if not 1 <= size <= _LARGEST:
@@ -61,13 +49,7 @@ def parse_size(text):
 
 
 def check_room(what, n_bytes):
-    """Refuse to read `what`, a text, where its arrays, `n_bytes` in all, do not fit into memory.
-
-    Raises
-    ------
-    InputError
-        They need more than `memory_limit`.
-    """
+    """InputError before `what`, a text, is read, where its arrays need more bytes than `memory_limit`."""
     limit = memory_limit()
     if n_bytes > limit:
         raise InputError(
@@ -86,14 +68,9 @@ def memory_kills():
 
 
 def cause_of_death(codes, kills):
-    """How processes ended: their signals or exit codes, and memory only if it ran out.
+    """How processes ended: their exit codes or signals (negative), and memory only if it ran out.
 
-    Parameters
-    ----------
-    codes
-        Exit codes, negative for signals.
-    kills
-        `memory_kills` before they started.
+    `kills` is what `memory_kills` gave before they started.
     """
     names = []
     for code in sorted(set(codes)):
@@ -128,13 +105,7 @@ def fitting(survey, step):
 
 
 def check_memory(survey, step, *, jobs=1, in_files=False):
-    """Refuse a step of `estimate`, whose options these are, that will not fit, before it starts.
-
-    Raises
-    ------
-    InputError
-        It needs more than `memory_limit`; the message says what would fit.
-    """
+    """InputError, before it starts, for a step of `estimate`, whose options these are, that will not fit."""
     limit, needed = memory_limit(), estimate(survey, jobs=jobs, in_files=in_files)[step]
     if needed > limit:
         if step == "cleaning" and jobs > 1:

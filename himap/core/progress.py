@@ -33,14 +33,8 @@ def progress(iterable=None, description="", *, total=None):
             ...
             bar.update()
 
-    Parameters
-    ----------
-    iterable
-        What to loop over.
-    description
-        A word or two in front of the bar.
-    total
-        Number of steps, where `iterable` has no length.
+    The `description`, a word or two, is in front of the bar; `total` is the number of steps where `iterable`
+    has no length.
     """
     if sys.stderr is not None and sys.stderr.isatty():
         terminal, line = sys.stderr, 0

@@ -50,10 +50,7 @@ def is_file(path):
 def regular_file(path, kind="file"):
     """`path`, a file that can be read at once, as a `Path`; `kind` is what an error calls it.
 
-    Raises
-    ------
-    InputError
-        There is none, it may not be read, or it is a folder, a pipe or a device.
+    InputError where there is none, it may not be read, or it is a folder, a pipe or a device.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"the {kind} must be given by its path, got {type(path).__name__}.")
@@ -99,12 +96,9 @@ def format_of(path):
 
 
 def mapped_array(path):
-    """The array of a .npy file, read where it is looked at; object arrays, which could run code, are refused.
+    """The array of a .npy file, read where it is looked at.
 
-    Raises
-    ------
-    InputError
-        It is no such file, or shorter than it says.
+    InputError for another file, one shorter than it says, and arrays of objects, which could run code.
     """
     path = regular_file(path)
     if (form := format_of(path)) in ("HDF5", "FITS"):
@@ -131,10 +125,7 @@ def read_array(path):
 def read_numbers(path):
     """The numbers of a .npy file, or of a text file with columns parted by blanks or commas, float64.
 
-    Raises
-    ------
-    InputError
-        No such file, or one that does not hold real numbers, at least one.
+    InputError where there is no such file, or it does not hold real numbers, at least one.
     """
     path = regular_file(path)
     values = read_array(path) if format_of(path) == "npy" else _table(path)

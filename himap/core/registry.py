@@ -48,13 +48,7 @@ class Registry:
         return name in self._classes or name in self.names()
 
     def find(self, name):
-        """The name of the class that is meant: capitals, blanks and hyphens do not count.
-
-        Raises
-        ------
-        InputError
-            There is none; the message lists those that there are.
-        """
+        """The name of the class that is meant: capitals, blanks and hyphens do not count; else InputError."""
         if self.holds(name):
             return name
         names = {plain_name(each): each for each in self.names()}
@@ -75,10 +69,7 @@ class Registry:
     def create(self, name, **parameters):
         """An object of the class called `name`; words that are chosen from several may be in any case.
 
-        Raises
-        ------
-        InputError
-            An unknown name or parameter (the message lists what exists), or a bad value.
+        InputError for an unknown name or parameter (the message lists what exists), or a bad value.
         """
         name = self.find(name)
         kind = self._classes[name]

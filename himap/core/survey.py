@@ -24,13 +24,8 @@ NESTED_CELLS = 1024
 class Survey:
     """A single-dish intensity-mapping survey of the full sky (paper, Sect. 2).
 
-    Attributes are documented in their ``help``; `Survey.describe` lists them. Frequencies are in
-    MHz, lengths in Mpc/h unless said otherwise.
-
-    Raises
-    ------
-    InputError
-        A field of the wrong type or outside its range, or an `nside` that is no power of two.
+    Attributes are documented in their ``help``; `Survey.describe` lists them. Frequencies are in MHz, lengths
+    in Mpc/h unless said otherwise. InputError for a field of the wrong type or outside its range.
     """
 
     nside: int = parameter(64, "HEALPix resolution of the maps, a power of two", minimum=4, maximum=4096)
@@ -88,10 +83,7 @@ class Survey:
     def preset(cls, name="quick", **overrides):
         """The preset `name`, with any field overridden.
 
-        Raises
-        ------
-        InputError
-            An unknown preset or field (the message lists what exists), or a bad value.
+        InputError for an unknown preset or field (the message lists what exists), or a bad value.
         """
         if not isinstance(name, str) or name not in PRESETS:
             raise InputError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}.")
