@@ -45,16 +45,9 @@ _LABEL = re.compile(r"^\([\w-]+\)=\n|\[([^]]+)\]\([\w-]+\)", re.MULTILINE)  # a 
 
 
 def stamped(node, source, *, fingerprint, parameters, execution=None):
-    """The executed `node`, cleaned and with its stamp.
+    """The executed `node`, cleaned in place, with the header of its ``.py``, `source`, and its stamp.
 
-    Parameters
-    ----------
-    node
-        The notebook; it is changed.
-    source
-        The notebook as read from its ``.py``, for the header.
-    fingerprint, parameters, execution
-        For the stamp; `execution` as `himap.store.provenance.environment` has it, with "seconds".
+    That holds the rest; `execution` as `himap.store.provenance.environment` has it, with "seconds".
     """
     import nbformat  # slow, as below, and only what handles notebooks needs it
 
@@ -126,18 +119,8 @@ def for_jupyter(node, notebook, parameters, seconds):
     """Write out, in an executed copy of a notebook, what only the book would show.
 
     That is: quoted numbers, references, formulas and captions, which are roles, directives and metadata. The
-    copy begins with the parameters that it was executed with.
-
-    Parameters
-    ----------
-    node
-        The executed copy; it is changed.
-    notebook
-        The `Notebook` that it is a copy of.
-    parameters
-        {name: value} that were passed.
-    seconds
-        What it took.
+    `node` of the copy of a `Notebook` is changed; it begins with the parameters, {name: value}, that it was
+    executed with, in so many seconds.
     """
     import nbformat
 
@@ -225,10 +208,7 @@ def copy_name(notebook, preset, values, suffix=".ipynb"):
 def check_output(path, suffix=".ipynb", *, overwrite=False):
     """`path`, or an InputError now rather than after hours of work.
 
-    Raises
-    ------
-    InputError
-        Another ending, a place that cannot be written to, or a file that is there, without `overwrite`.
+    That is for another ending, a place that cannot be written to, or, without `overwrite`, a file.
     """
     if path.suffix != suffix:
         raise InputError(f"the output is the path of a file, something{suffix}; got {str(path)!r}.")
@@ -244,19 +224,8 @@ def check_output(path, suffix=".ipynb", *, overwrite=False):
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of a notebook.
-
-    Attributes
-    ----------
-    name, caption
-        Its label and its caption, quoted numbers filled in.
-    notebook
-        Name of the notebook.
-    png
-        The picture.
-    data
-        {ending of the file: its content} of the numbers behind it.
-    """
+    """One figure of a notebook: its label, its caption with quoted numbers filled in, the name of the notebook,
+    the picture, and {ending of the file: its content} of the numbers behind it."""
 
     name: str
     caption: str

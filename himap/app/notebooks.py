@@ -117,13 +117,7 @@ def declared_parameters(node):
 
 
 def notebooks_folder():
-    """The folder of notebooks next to the package, else ``notebooks`` in the current folder.
-
-    Raises
-    ------
-    InputError
-        There is neither.
-    """
+    """The folder ``notebooks`` next to the package, else in the current folder, else InputError."""
     for folder in (_PACKAGE.parent / "notebooks", Path.cwd() / "notebooks"):
         if any(folder.glob("*.py")):
             return folder
@@ -141,10 +135,7 @@ def notebooks(folder=None):
 def find(name, folder=None):
     """The notebook called `name`: its name, its number, or the path of either of its files, in any case.
 
-    Raises
-    ------
-    InputError
-        No such notebook; the message lists what there is.
+    InputError where there is none; the message lists what there is.
     """
     stem = Path(name).name.lower().removesuffix(".py").removesuffix(".ipynb")
     known = {notebook.name: notebook for notebook in notebooks(folder)}

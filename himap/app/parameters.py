@@ -32,15 +32,7 @@ _NO_LITERAL = (ValueError, SyntaxError, TypeError, RecursionError, MemoryError) 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One line of the parameters cell.
-
-    Attributes
-    ----------
-    name, default, help
-        As in the cell.
-    kind
-        Its type as text: int, float, str, bool, list, dict, None, or some of them joined by ``|``.
-    """
+    """One line of the parameters cell; `kind` is its type as text, of `_KINDS`, several joined by ``|``."""
 
     name: str
     kind: str
@@ -52,13 +44,7 @@ class Parameter:
         return {kind.partition("[")[0].strip() for kind in self.kind.split("|")}
 
     def convert(self, value):
-        """`value` as the type of the parameter: whole numbers do for float, and the reverse.
-
-        Raises
-        ------
-        InputError
-            A value of another type.
-        """
+        """`value` in the type of the parameter, else InputError: whole numbers do for float, and conversely."""
         kind = _kind_of(value)
         if kind in self.kinds:
             return list(value) if kind == "list" else value
@@ -74,10 +60,7 @@ class Parameter:
 def read_parameters(source):
     """The parameters declared in the source of a parameters cell, a list of `Parameter`.
 
-    Raises
-    ------
-    InputError
-        A line of another form, or of a type that cannot be passed.
+    InputError for a line of another form, or of a type that cannot be passed.
     """
     declared, lines = [], source.encode().splitlines()
     for node in ast.parse(source).body:
@@ -128,23 +111,10 @@ def parse_texts(declared, texts):
 def check_parameters(declared, given):
     """The parameters to pass to a notebook, checked before anything runs.
 
-    Parameters
-    ----------
-    declared
-        The notebook's parameters, a list of `Parameter`.
-    given
-        {name: value} that differ from the defaults; fields of `Survey` may be among them.
-
-    Returns
-    -------
-    dict
-        The values of `given` in the declared types, Survey fields gathered under ``survey``.
-
-    Raises
-    ------
-    InputError
-        An unknown name (the message lists what there is), a value of the wrong type, or a preset or Survey
-        field that `Survey` refuses.
+    Of a list of `Parameter` and the {name: value} that differ from their defaults, among them fields of
+    `Survey`: the values in the declared types, Survey fields gathered under ``survey``. InputError for an
+    unknown name (the message lists what there is), a value of the wrong type, or a preset or Survey field
+    that `Survey` refuses.
     """
     known = all_parameters(declared)
     unknown = [name for name in given if name not in known]

@@ -53,12 +53,14 @@ class NotebookError(RuntimeError):
 
 
 def run(name, *, parameters=None, output=None, folder=None, again=True, overwrite=False):
-    """Execute a notebook with other parameters.
+    """Execute a notebook, named as in `find`, with other parameters.
+
+    Returns the path of the executed notebook, which is written whole or not at all, and whether it was
+    executed now. InputError for a bad name, parameter or output, an output that is there, and for bad input
+    that the notebook itself meets; `NotebookError` where it stops at any other error.
 
     Parameters
     ----------
-    name
-        As in `find`.
     parameters
         {name: value}; fields of `Survey` may be among them.
     output
@@ -69,20 +71,6 @@ def run(name, *, parameters=None, output=None, folder=None, again=True, overwrit
         Whether to execute it also where the output is there, of today's code and these parameters.
     overwrite
         Whether to write over whatever is there.
-
-    Returns
-    -------
-    Path
-        Of the executed notebook, which is written whole or not at all.
-    bool
-        Whether it was executed now.
-
-    Raises
-    ------
-    InputError
-        A bad name, parameter or output, an output that is there, or bad input found by the notebook itself.
-    NotebookError
-        The notebook stopped at any other error.
     """
     notebook = find(name, folder)
     values = check_parameters(notebook.parameters, parameters or {})
@@ -122,26 +110,10 @@ def stale(folder=None, *, looks=False):
 def refresh(names=None, folder=None, *, report=None):
     """Make stale notebooks fresh: execute them in place, or copy the text where only text changed.
 
-    Those of which only the looks changed are executed too.
-
-    Parameters
-    ----------
-    names
-        Which, as in `find`; default all. Fresh ones stay as they are.
-    report
-        Called as ``report(name, why)`` before each.
-
-    Returns
-    -------
-    dict
-        {name: why} of what was done.
-
-    Raises
-    ------
-    InputError
-        An ``.ipynb`` holds edits that its ``.py`` lacks, which would be lost.
-    NotebookError
-        A notebook stopped at an error; it is as it was before.
+    All, or those of some names as in `find`; those too of which only the looks changed. Before each comes
+    ``report(name, why)``, and {name: why} of what was done is returned. InputError where an ``.ipynb`` holds
+    edits that its ``.py`` lacks, which would be lost; `NotebookError` where a notebook stops at an error, and
+    is as it was before.
     """
     chosen = notebooks(folder) if names is None else [find(name, folder) for name in names]
     tree = CodeTree()

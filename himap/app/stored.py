@@ -59,17 +59,8 @@ _CORES = 2  # of the machine that the steps were measured on
 def read_stored(name, folder=None):
     """The content of a JSON file of stored results, such as ``steps_paper`` or ``paper_templates/figures``.
 
-    Parameters
-    ----------
-    name
-        Its path in the folder, without the ending.
-    folder
-        Default: `RESULTS`.
-
-    Raises
-    ------
-    InputError
-        No such file, or one that is no JSON.
+    `name` is its path in the folder, by default `RESULTS`, without the ending. InputError where there is no
+    such file, or it is no JSON.
     """
     path = Path(folder or RESULTS, f"{name}.json")
     try:
@@ -85,12 +76,7 @@ def read_stored(name, folder=None):
 def read_ledger(path=LEDGER):
     """The `himap.paper.claims.entries.Entry` of each claim in a record, and its provenance, (list, dict).
 
-    A record of restarts, named so, is read in its first reading.
-
-    Raises
-    ------
-    InputError
-        No such file, or another kind of file.
+    A record of restarts, named so, is read in its first reading. InputError where there is no such file.
     """
     if Path(path).stem.startswith("restarts_"):
         record = Record.load(find_experiment("restarts"), path)
@@ -102,16 +88,9 @@ def read_ledger(path=LEDGER):
 def other_records(about, folder=RESULTS):
     """{what differs from a ledger: {claim: `Entry`}} of the stored records, for `ledger_table.cause`.
 
-    Records of another method in the place of SDecGMCA are not among them. In a record of several readings a
-    claim that holds under that of the ledger, or under all of them, is due to the size or the Galaxy, not to
-    a reading.
-
-    Parameters
-    ----------
-    about
-        Provenance of the ledger, as `read_ledger` gives it.
-    folder
-        Of the records.
+    The ledger is given by its provenance, as of `read_ledger`. Records of another method in the place of
+    SDecGMCA are not among them. In a record of several readings a claim that holds under that of the ledger,
+    or under all of them, is due to the size or the Galaxy, not to a reading.
     """
     made, others = Provenance.of_stored(about), {}
     for path in sorted(Path(folder).glob("*.json")):
@@ -172,19 +151,9 @@ def _said(words, value):
 
 
 def stored_figures(results=None, folders=None):
-    """{folder: {name: what is stored of a figure, a dict}} of figures among the results.
+    """{folder: {name: what is stored of a figure, a dict}} of some folders of figures, by default all.
 
-    Parameters
-    ----------
-    results
-        As the folder of `read_stored`.
-    folders
-        Of figures; default all that there are.
-
-    Raises
-    ------
-    InputError
-        No such folder.
+    `results` is as the folder of `read_stored`. InputError where there is no such folder.
     """
     if folders is None:
         folders = sorted(path.parent.name for path in Path(results or RESULTS).glob("*/figures.json"))
@@ -195,7 +164,7 @@ def stored_figures(results=None, folders=None):
 def stored_figure(folder, name, results=None):
     """What is stored of one figure of a folder, a dict: where it is in the paper, provenance, and curves.
 
-    `results` as of `stored_figures`. Raises an InputError where there is no such folder or figure.
+    InputError where there is no such folder or figure.
     """
     rows = stored_figures(results, [folder])[folder]
     if name not in rows:
@@ -211,12 +180,8 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
 
     Parameters
     ----------
-    smaller, larger
-        The steps at two sizes, as ``python -m benchmarks`` wrote them.
-    scaling
-        What ``python -m benchmarks.scaling`` wrote.
-    n_realisations
-        How many of them.
+    smaller, larger, scaling
+        The steps at two sizes and how they grow, as ``python -m benchmarks`` and its ``scaling`` wrote them.
     size
         Fields of the `Survey`: ``nside`` and ``n_channels``, and what else differs from the paper's preset.
 
@@ -256,18 +221,14 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
 
 @dataclass(frozen=True, kw_only=True)
 class StoredResult:
-    """One file of results.
+    """One file of results, and what it was made with.
 
     Attributes
     ----------
-    path, name
-        Of the JSON; the name of the file, or of the folder of figures.
-    preset, galaxy
-        What it was made with.
+    name
+        Of the file, or of the folder of figures.
     commits
         {(short commit, whether there were edits)} that it was made at.
-    seconds
-        What it took.
     codes
         {what is in it: fingerprint of the code that made it}, None where that was not kept: of a record the
         name of its experiment, of a folder of figures their names, of timings nothing.

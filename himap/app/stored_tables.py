@@ -39,13 +39,10 @@ def short(value, digits=2):
 
 
 def steps_table(stored):
-    """Time, memory, floor and alternative of every step, the machine, and the provenance, as Markdown.
+    """Time, memory, floor and alternative of every step that ``python -m benchmarks`` wrote, as Markdown.
 
-    Parameters
-    ----------
-    stored
-        What ``python -m benchmarks`` wrote. The goals are shown at the preset ``paper``, for which they were
-        set; what misses its goal is bold.
+    And the machine, and the provenance. The goals are shown at the preset ``paper``, for which they were set;
+    what misses its goal is bold.
     """
     goals, rows = stored["about"]["preset"] == "paper", []
     for step in stored["steps"]:
@@ -105,15 +102,13 @@ def ledgers_table(ledgers, only=None, others=None):
     ledgers
         A list of (entries, about), as `himap.app.stored.read_ledger` gives them.
     only
-        Function from the entries of one claim, one of each ledger, to whether it is shown; all claims unless
-        given, and then the count of verdicts of those with several runs as well.
+        Function from the entries of one claim, one of each ledger, to whether it is shown; default all claims,
+        and the count of verdicts of ledgers with several runs.
     others
-        As of `himap.paper.ledger_table.cause`, for a column with where the parts hold that fail in the first
-        ledger.
+        As of `himap.paper.ledger_table.cause`, for a column with where the parts hold that fail in the first.
     """
-    names = []
-    for name, (entries, _) in zip(_ledger_names(ledgers), ledgers, strict=True):
-        names.append(f"{name}, {members_text(entries[0])}")
+    pairs = zip(_ledger_names(ledgers), ledgers, strict=True)
+    names = [f"{name}, {members_text(entries[0])}" for name, (entries, _) in pairs]
     rows, by_id = [], [{entry.claim.id: entry for entry in entries} for entries, _ in ledgers]
     for id, claim in CLAIMS.items():
         several = [ledger.get(id) for ledger in by_id]  # an older ledger may lack a claim
@@ -130,14 +125,8 @@ def ledgers_table(ledgers, only=None, others=None):
             for entries, _ in ledgers
         ]
         rows.append(["all", "", "", *map(" · ".join, counts), *([] if others is None else [""])])
-    head = [
-        "Claim",
-        "Measured",
-        "The paper, or limit",
-        *names,
-        *([] if others is None else ["Fails for; holds in"]),
-    ]
-    table = _markdown(head, rows)
+    more = [] if others is None else ["Fails for; holds in"]
+    table = _markdown(["Claim", "Measured", "The paper, or limit", *names, *more], rows)
     # The words that all have in common are in a paragraph of their own.
     footers = [Provenance.of_stored(about).footer().split(" · ") for _, about in ledgers]
     shared = [word for word in footers[0] if len(footers) > 1 and all(word in words for words in footers)]
@@ -160,11 +149,8 @@ def verdicts_table(ledgers):
 def choices_table(ledger, others):
     """Which verdicts of a ledger other choices change, as Markdown: a row for each of some other records.
 
-    Parameters
-    ----------
-    ledger, others
-        The `Record` of the claims, and a list of such that differ from it in `stored.CHOICES`, or not: then
-        in the run of SDecGMCA. Each is compared with it on the skies and restarts that both have.
+    All are `Record` of the claims; the others differ in `stored.CHOICES`, or else in the run of SDecGMCA. Each
+    is compared with the ledger on the skies and restarts that both have.
     """
     rows, usual = [], record_words(ledger.made)
     for other in others:
@@ -219,14 +205,9 @@ def _cell(entry):
 
 
 def pictures(folders, results=None):
-    """The stored figures of the paper, each from all folders, as Markdown: pictures by their relative path.
+    """The stored figures of the paper, each from all `folders` that have a ``figures.json`` among the results.
 
-    Parameters
-    ----------
-    folders
-        Names in the folder of results, each with a ``figures.json``.
-    results
-        Default: `RESULTS`.
+    As Markdown, with pictures by their relative path.
     """
     chapters = {name: (one, text) for one in notebooks() for name, text in one.captions.items()}
     stored = {}
@@ -279,14 +260,8 @@ def stored_curves(folder, figure, results=None):
 def angular_ratios(curves, **settings):
     """A panel of `himap.figures.plotting.ratios`: C/C0 of all methods among some curves, 2 <= l <= 200.
 
-    Of an ensemble, the median and its 16 to 84 %.
-
-    Parameters
-    ----------
-    curves
-        {label: (l, C_l)} of one panel of a figure, as of `stored_curves`.
-    settings
-        Of the panel, such as its title.
+    Of an ensemble, the median and its 16 to 84 %. The curves are {label: (l, C_l)} of one panel of a figure,
+    as of `stored_curves`; `settings` of the panel are such as its title.
     """
     at, true = curves["HI + noise"]
     drawn = []
