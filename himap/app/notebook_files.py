@@ -224,8 +224,8 @@ def check_output(path, suffix=".ipynb", *, overwrite=False):
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of a notebook: its label, its caption with quoted numbers filled in, the name of the notebook,
-    the picture, and {ending of the file: its content} of the numbers behind it."""
+    """One figure: its label, its caption with quoted numbers filled in, its notebook's name, the picture, and
+    {ending of the file: its content} of the numbers behind it."""
 
     name: str
     caption: str

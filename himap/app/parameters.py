@@ -44,7 +44,7 @@ class Parameter:
         return {kind.partition("[")[0].strip() for kind in self.kind.split("|")}
 
     def convert(self, value):
-        """`value` in the type of the parameter, else InputError: whole numbers do for float, and conversely."""
+        """`value` in the type of the parameter, else InputError; 2 does for a float, and 2.0 for an int."""
         kind = _kind_of(value)
         if kind in self.kinds:
             return list(value) if kind == "list" else value

@@ -102,8 +102,8 @@ def ledgers_table(ledgers, only=None, others=None):
     ledgers
         A list of (entries, about), as `himap.app.stored.read_ledger` gives them.
     only
-        Function from the entries of one claim, one of each ledger, to whether it is shown; default all claims,
-        and the count of verdicts of ledgers with several runs.
+        Function from the entries of one claim, one of each ledger, to whether it is shown; default all
+        claims, and the count of verdicts of ledgers with several runs.
     others
         As of `himap.paper.ledger_table.cause`, for a column with where the parts hold that fail in the first.
     """
@@ -149,8 +149,8 @@ def verdicts_table(ledgers):
 def choices_table(ledger, others):
     """Which verdicts of a ledger other choices change, as Markdown: a row for each of some other records.
 
-    All are `Record` of the claims; the others differ in `stored.CHOICES`, or else in the run of SDecGMCA. Each
-    is compared with the ledger on the skies and restarts that both have.
+    All are `Record` of the claims; the others differ in `stored.CHOICES`, or in the run of SDecGMCA. Each is
+    compared with the ledger on the skies and restarts that both have.
     """
     rows, usual = [], record_words(ledger.made)
     for other in others:
@@ -205,9 +205,9 @@ def _cell(entry):
 
 
 def pictures(folders, results=None):
-    """The stored figures of the paper, each from all `folders` that have a ``figures.json`` among the results.
+    """The stored figures of the paper, each from all of some folders of results, as Markdown.
 
-    As Markdown, with pictures by their relative path.
+    Pictures are by their relative path.
     """
     chapters = {name: (one, text) for one in notebooks() for name, text in one.captions.items()}
     stored = {}
