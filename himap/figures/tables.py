@@ -1,14 +1,13 @@
 """The one table: aligned text on a terminal, HTML in notebooks and reports, Markdown in the book's pages.
 
-`tabulate` writes all three. The rows of the HTML are written here: in its own, cells are as wide as their
-column, so that one number that moves within its tolerance would change the text of the others.
+`tabulate` writes text and Markdown. In its HTML cells are as wide as their column, so that one number that
+moves within its tolerance would change the text of the others.
 """
 
 import html
-from functools import partial
-from itertools import zip_longest
+from itertools import chain, repeat
 
-from tabulate import TableFormat, tabulate
+from tabulate import tabulate
 
 _SIDES = {"l": "left", "r": "right"}
 
@@ -18,20 +17,12 @@ class HTML(str):
 
 
 class Table:
-    """Texts in rows and columns, to print or to end a notebook cell with.
+    """Texts in rows and columns, to print or to end a notebook cell with, and a note, a line under it.
 
-    Parameters
-    ----------
-    header
-        A text for each column; an empty one for a table without header.
-    rows
-        Sequences of cells, shown as `str` has them; the first names its row. In HTML all that is not `HTML`
-        is escaped.
-    align
-        "l" (left) or "r" (right) for each column; "l" for those beyond. What is aligned right is a number,
-        and no line of HTML breaks in it.
-    note
-        A line under the table.
+    The header has a text for each column, or none. Rows are sequences of cells, shown as `str` has them; the
+    first names its row; in HTML all that is not `HTML` is escaped. Columns are aligned by the letters of
+    `align`, "l" (left) or "r" (right), left beyond. What is aligned right is a number, and no line of HTML
+    breaks in it.
 
     >>> Table(["method", "n"], [["PCA", 4], ["SDecGMCA", 5]], align="lr")
     method    n
@@ -49,7 +40,11 @@ class Table:
     def html(self):
         """The table within a box of class "himap-table", which scrolls where the page is narrow."""
         note = f"<small>{_escaped(self.note)}</small>" if self.note else ""
-        return f'<div class="himap-table"><table>\n{self._written(_FORMAT, _escaped)}\n</table>{note}</div>'
+        rows = [_row(cells, self._align) for cells in self.rows]
+        if self.header:
+            rows.insert(0, f"<thead>{_row(self.header, self._align if rows else (), 'col')}</thead>")
+        lines = "\n".join(rows)
+        return f'<div class="himap-table"><table>\n{lines}\n</table>{note}</div>'
 
     _repr_html_ = html
 
@@ -70,25 +65,13 @@ def _escaped(cell):
     return cell if isinstance(cell, HTML) else html.escape(str(cell))
 
 
-def _row(cells, widths, sides, head=False):
-    """A row, as `tabulate` asks for it: the header with `head`, else with a first cell that heads it."""
+def _row(cells, sides, scope="row"):
+    """A row of HTML, whose first cell heads it; the header is one whose cells head a "col" each."""
     row = ""
-    for n, (cell, side) in enumerate(zip_longest(cells, sides, fillvalue="left")):
-        scope = "col" if head else "row" if n == 0 else ""
+    for cell, side in zip(cells, chain(sides, repeat("left")), strict=False):
         tag, heads = ("th", f' scope="{scope}"') if scope else ("td", "")
         nowrap = "" if scope or side == "left" else "; white-space:nowrap"
         style = f"text-align:{side}; vertical-align:top{nowrap}"  # above a notebook's own
-        row += f'<{tag}{heads} style="{style}">{cell.strip()}</{tag}>'
-    return f"<thead><tr>{row}</tr></thead>" if head else f"<tr>{row}</tr>"
-
-
-_FORMAT = TableFormat(
-    lineabove=None,
-    linebelowheader=None,
-    linebetweenrows=None,
-    linebelow=None,
-    headerrow=partial(_row, head=True),
-    datarow=_row,
-    padding=0,
-    with_header_hide=None,
-)
+        row += f'<{tag}{heads} style="{style}">{_escaped(cell).strip()}</{tag}>'
+        scope = "" if scope == "row" else scope
+    return f"<tr>{row}</tr>"
