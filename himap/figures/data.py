@@ -24,15 +24,7 @@ _BITS = 13  # of the mantissa: 1.2e-4 of the value at most
 
 
 def with_curves(figure, curves):
-    """The figure with the numbers of its curves.
-
-    Parameters
-    ----------
-    figure
-        A matplotlib figure; it is changed and returned.
-    curves
-        [(panel, label, x, y)], texts and arrays (n,).
-    """
+    """The figure, changed in place, with the numbers of [(panel, label, x, y)], texts and arrays (n,)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("panel", "curve", "x", "y"))
@@ -63,20 +55,10 @@ def panel_names(panels):
 
 
 def with_maps(figure, maps, units):
-    """The figure with its maps, at `NSIDE` or coarser.
+    """The figure, changed in place, with its maps, at `NSIDE` or coarser, and the unit of each.
 
-    Parameters
-    ----------
-    figure
-        A matplotlib figure; it is changed and returned.
-    maps
-        {title: (n_pix,)}, RING; pixels without a value are NaN.
-    units
-        The unit of each, in their order.
-
-    Notes
-    -----
-    The file holds ``maps`` (n_maps, n_pix), ``titles``, ``units``, ``ordering`` and ``coordinates``.
+    The maps are {title: (n_pix,)}, RING; pixels without a value are NaN. The file holds ``maps``
+    (n_maps, n_pix), ``titles``, ``units``, ``ordering`` and ``coordinates``.
     """
     kept = []
     for pixels in maps.values():

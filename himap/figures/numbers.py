@@ -43,12 +43,7 @@ _FORMATTED = re.compile(rf"{_ROUNDED}(?:(?:,|{_JOINT}and|{_JOINT}of){_JOINT}{_RO
 class Marked(tuple):
     """An entry of `one_run` or `of_restarts`: (value, tolerance), (value, tolerance, unit) or (text, None).
 
-    Attributes
-    ----------
-    note
-        The line that explains its sign.
-    ends
-        Of a number of several restarts, its 16 and 84 %; else None.
+    With the `note` that explains its sign, and of several restarts the 16 and 84 %, its `ends`.
     """
 
     note, ends = NOT_COMPARED, None
@@ -112,17 +107,9 @@ class _Numbers(Table):
 def show(numbers):
     """A table of numbers with their tolerance, to end a notebook cell with.
 
-    Parameters
-    ----------
-    numbers
-        {name: (value, tolerance)} or {name: (value, tolerance, unit)}, tolerance > 0 in the unit of
-        the value; {name: value} for what must come out the same everywhere, such as a count; or what
-        `one_run` makes of these.
-
-    Raises
-    ------
-    InputError
-        Something else, or a tolerance that is no positive number.
+    They are {name: (value, tolerance)} or {name: (value, tolerance, unit)}, tolerance > 0 in the unit of the
+    value; {name: value} for what must come out the same everywhere, such as a count; or what `one_run` makes
+    of these. InputError for anything else.
 
     >>> show({"C/C0, 10 < l < 128": (0.98712, 0.01), "noise": (0.0331, 0.0002, "mK"), "channels": 125})
     C/C0, 10 < l < 128: 0.987 ± 0.010
@@ -157,11 +144,6 @@ def show_table(rows, *, head="", columns=None):
         Above the names.
     columns
         How many columns fit the page; what has more becomes tables below each other. None for one table.
-
-    Raises
-    ------
-    InputError
-        As `show`.
     """
     names = list(dict.fromkeys(name for entries in rows.values() for name in entries))
     step = columns or len(names) or 1
@@ -188,15 +170,12 @@ def quote(**numbers):
     from IPython import get_ipython  # slow, and most callers of this module do without
 
     text, with_tolerance = QUOTED
-    bundles = {}
-    for name, entry in numbers.items():
-        cell = " ".join(_cell(name, entry)).rstrip()
-        # The text is that of a string, as MyST-NB evaluates what it pastes.
-        bundles[name] = {text: repr(quoted(entry))} | (
-            {with_tolerance: cell} if isinstance(entry, tuple) else {}
-        )
+    cells = {name: " ".join(_cell(name, entry)).rstrip() for name, entry in numbers.items()}
     if (shell := get_ipython()) is not None:  # elsewhere there is nobody to keep them
-        for name, bundle in bundles.items():
+        for name, entry in numbers.items():
+            # The text is that of a string, as MyST-NB evaluates what it pastes.
+            bundle = {text: repr(quoted(entry))}
+            bundle |= {with_tolerance: cells[name]} if isinstance(entry, tuple) else {}
             kept = {"scrapbook": {"name": name, "mime_prefix": _RECORD}}
             shell.display_pub.publish(bundle, metadata=kept)
 

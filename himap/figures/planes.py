@@ -24,14 +24,8 @@ _SIDES = (3.1, 2.1)  # of the names of rows and columns
 def sky_images(maps, celestial, *, span):
     """A figure of images in their projection, with the lines of their coordinates.
 
-    Parameters
-    ----------
-    maps
-        {title: (n_y, n_x)}, mK, NaN where there is no value.
-    celestial
-        `astropy.wcs.WCS` of the two axes.
-    span
-        {title: (low, high)} of the colours.
+    The maps are {title: (n_y, n_x)}, mK, NaN where there is no value; `celestial` is the `astropy.wcs.WCS` of
+    the two axes, and the span of the colours {title: (low, high)}.
     """
     figure = plt.figure(figsize=(4.6 * len(maps), 4.4))
     for n, (title, pixels) in enumerate(maps.items(), start=1):
@@ -53,18 +47,9 @@ def sky_images(maps, celestial, *, span):
 def power_planes(planes, *, x, y, xlabel, ylabel, unit, ratio=None):
     """A figure of power over two wavenumbers on logarithmic axes, and of a ratio.
 
-    Parameters
-    ----------
-    planes
-        {title: (n_y, n_x)}, above zero, NaN where there is no value; all on one scale of colours.
-    x, y
-        Edges of the cells, one more than these.
-    xlabel, ylabel
-        With their units.
-    unit
-        Of the power.
-    ratio
-        (title, (n_y, n_x)); its colours go as far above 1 as below.
+    The planes are {title: (n_y, n_x)}, above zero in some `unit`, NaN where there is no value, all on one
+    scale of colours; `x` and `y` the edges of the cells, one more than these. A ratio is (title, (n_y, n_x));
+    its colours go as far above 1 as below.
     """
     values = np.concatenate([plane[plane > 0] for plane in planes.values()])
     low, high = np.percentile(values, _PERCENTILES) if len(values) else (1, 10)
@@ -96,23 +81,18 @@ def power_planes(planes, *, x, y, xlabel, ylabel, unit, ratio=None):
 def marks(groups, columns, looks, *, breaks=()):
     """A figure of a table of signs, names of rows at the left and of columns above.
 
+    It carries, for each row and column, the number of each mark in `looks`, from 0.
+
     Parameters
     ----------
     groups
         {name of a group: {row: [marks of a column, for each column]}}. Marks of a cell are a list, such as
         one for each realisation: a cell whose marks are not all the same is divided; an empty one stays
         empty.
-    columns
-        Their names.
     looks
         {mark: (sign, colour, colour of the sign)}, in the order of the legend.
     breaks
         Numbers of columns before which there is a line.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        It carries, for each row and column, the number of each mark in `looks`, from 0.
     """
     n_rows = sum(len(rows) + 1 for rows in groups.values())
     size = (_SIDES[0] + _CELL[0] * len(columns), _SIDES[1] + _CELL[1] * n_rows)

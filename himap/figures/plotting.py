@@ -176,18 +176,10 @@ def _mark_one(axes, grey):
 
 
 def comparison_panel(kind, curves, *, title="", true=None):
-    """A panel of `spectrum`, of cleaned cubes and the truth.
+    """A panel of `spectrum`, of cleaned cubes and the truth; its kind is "angular" or "frequency".
 
-    Parameters
-    ----------
-    kind
-        "angular" or "frequency".
-    curves
-        [(style, `Comparison`)], or [(style, [`Comparison`, ...])] of ensembles.
-    title
-        Above it.
-    true
-        The `Comparison` whose truth is drawn; that of the first curve unless given.
+    The curves are [(style, `Comparison`)], or [(style, [`Comparison`, ...])] of ensembles. The truth is that
+    of the `Comparison` that is given as `true`, by default of the first curve.
     """
     x, shown = {"angular": "degrees", "frequency": "k"}[kind], []
     truth = np.ravel(curves[0][1])[0] if true is None else true
@@ -278,13 +270,9 @@ def _points(panel, x, y, style):
 def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     """A figure of ratios to the truth with the range over skies, on the axis of `himap.figures.axes`.
 
-    Parameters
-    ----------
-    panels
-        A list of dicts: "curves", a list of (x, middle, low, high, style), arrays (n,); and anything
-        `Axes.set` takes. Curves of one label are the same in all panels; one legend is above.
-    columns, size
-        Of panels, which share the axis of ratios.
+    Panels, of some columns and size, inches, share that axis and the legend above. They are dicts: "curves",
+    a list of (x, middle, low, high, style), arrays (n,); and anything `Axes.set` takes. Curves of one label
+    are the same in all panels.
     """
     limits = ratio_limits([one for panel in panels for _, *three, _ in panel["curves"] for one in three])
     figure, grid = subplots(len(panels), columns, size, room=0.5, sharey=True)
