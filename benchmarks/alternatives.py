@@ -22,22 +22,10 @@ N_LINES, N_CHANNELS, N_MODES = 64, 8, 1000  # the sample that a slow alternative
 
 
 def alternatives_to(case, method, separation):
-    """The alternatives to a method on a case; none for one that this file does not know.
+    """The alternatives to a method on a `Case` where it gave a `Separation`; method None is peak masking.
 
-    Parameters
-    ----------
-    case
-        The `Case`.
-    method
-        The method; None for the masking of peaks.
-    separation
-        What it gave, a `Separation`.
-
-    Returns
-    -------
-    list of tuple
-        A name, a function, and how many times the work of that function is the work of the method; the table
-        of all steps has the first.
+    They are a list, for a method that this file does not know an empty one, of a name, a function, and how
+    many times the work of that function is the work of the method. The table of all steps has the first.
     """
     alternatives = _ALTERNATIVES.get(method.name) if method else _for_polynomials
     if alternatives is None:

@@ -36,20 +36,13 @@ _CLEAN = "clean cube.h5 --method pca -p n_sources=2 -o cleaned.fits"
 
 
 class Trial:
-    """One command, and what an undisturbed run of it gives and takes.
+    """One command, the words after `himap`, and what an undisturbed run of it gives and takes.
 
-    Parameters
-    ----------
-    name
-        Its name among the counts.
-    words
-        Those of the command line, after `himap`.
-    home
-        A folder for its places.
+    Its places are in a folder of that name in the folder `home`.
     """
 
     def __init__(self, name, words, home):
-        self.name, self.words, self.home = name, words, home / name
+        self.words, self.home = words, home / name
         self.counts, self._n = Counter(), 0
         place, started = self.place(), monotonic()
         if place.start(words).wait():
@@ -140,7 +133,7 @@ def kill_workers(trial, n_times, chance):
         deadline = monotonic() + chance.uniform(0.2, 0.9) * trial.seconds
         while process.poll() is None and not workers:
             sleep(0.05)
-            workers = place.workers() if monotonic() > deadline else []
+            workers = place.processes("popen_loky") if monotonic() > deadline else []
         if workers:
             with suppress(psutil.Error):
                 chance.choice(workers).kill()
@@ -154,11 +147,6 @@ def _count_end(trial, place, process, words):
     trial.finish(place)  # first, for it drops counts of zero
     trial.counts["told_in_a_sentence"] += code == 2 and words in said and "Traceback" not in said
     trial.counts["done_all_the_same"] += code == 0
-
-
-def _stored(output, part="found"):
-    """The counts in a file that is there, or another part of it, {} where there is none."""
-    return json.loads(Path(output).read_text())[part] if output and Path(output).exists() else {}
 
 
 def _about(pairs, started):
@@ -189,7 +177,9 @@ def main(kills, pairs, only, seed, output):
     chance, fields = random.Random(seed), [word for pair in pairs for word in ("-p", pair)]
     few = max(1, kills // 10)
     times = {kill: -(-kills // 3), share: 4, fill_disk: few, kill_workers: max(1, few // 3)}
-    found, before = (_stored(output, part) if only else {} for part in ("found", "about"))
+    is_more = only and output and Path(output).exists()
+    stored = json.loads(Path(output).read_text()) if is_more else {"found": {}, "about": {}}
+    found, before = stored["found"], stored["about"]
     started = monotonic() - before.get("seconds", 0)
     now, then = (json.dumps(about | {"seconds": 0}) for about in (_about(pairs, started), before))
     if before and now != then:

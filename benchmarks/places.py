@@ -47,21 +47,17 @@ class Place:
                 preexec_fn=largest and (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit)),
             )
 
-    def processes(self):
-        """What runs here, by the folder of its temporary files."""
+    def processes(self, word=""):
+        """What runs here, by the folder of its temporary files, with some text in its command line.
+
+        With "popen_loky" those that share the work of one that joblib started them for.
+        """
         found = []
         for process in psutil.process_iter():
             with suppress(psutil.Error):
-                if process.environ().get("TMPDIR") == str(self.folder / "tmp"):
+                is_here = process.environ().get("TMPDIR") == str(self.folder / "tmp")
+                if is_here and word in " ".join(process.cmdline()):
                     found.append(process)
-        return found
-
-    def workers(self):
-        """Those of them that share the work of one that joblib started them for."""
-        found = []
-        for process in self.processes():
-            with suppress(psutil.Error):
-                found += [process] if "popen_loky" in " ".join(process.cmdline()) else []
         return found
 
     def gone(self):

@@ -26,18 +26,9 @@ N_SAMPLES = 6  # channels that an alternative is timed on
 class Step:
     """One row of the table; a process of its own gets it, so that it holds no lambdas.
 
-    Attributes
-    ----------
-    name
-        What it is called.
-    work
-        Called with the `Case`; its time is what is measured.
-    alternatives
-        Called with the `Case` and what `work` returned: as of `benchmarks.alternatives.alternatives_to`.
-    target
-        (seconds, GB) that it should stay within at preset `paper`, on 2 cores and an idle machine.
-    needs
-        Called with the `Survey` and what `work` returned: its `Needs`.
+    What is timed is `work`, called with the `Case`. With what that returned, `alternatives` are called for
+    what `alternatives_to` gives, and `needs`, with the `Survey`, for its `Needs`. The `target` are (seconds,
+    GB) that it should stay within at preset `paper`, on 2 cores and an idle machine.
     """
 
     name: str
