@@ -91,7 +91,7 @@ def curves_to_play(curves):
     from play_looks import methods
 
     points = [(label, list(enumerate(ys, start=1))) for label, ys in curves.items()]
-    (panel,) = view("here", {"panel": points}, methods, lambda title: "angular")["panels"]
+    (panel,) = view("here", {"panel": points}, methods, with_ratios=True)["panels"]
     return {one["label"]: one for one in panel["curves"]}
 
 

@@ -7,7 +7,6 @@ that draws (uPlot, MIT licence, in ``_static/uplot``) is loaded by pages that ha
 """
 
 import json
-from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -63,11 +62,8 @@ def add_buttons(app, doctree, docname):
     there = {figure.name: figure for figure in figures(source)}
     for node in doctree.findall(nodes.figure):
         for name in set(node["ids"]) & set(there) & {*SPECTRA, *LINES, READINGS_FIGURE}:
-            _write(
-                Path(app.outdir, "_static", "play", f"{name}.js"),
-                name,
-                content_of(Path(app.srcdir), there[name]),
-            )
+            path = Path(app.outdir, "_static", "play", f"{name}.js")
+            _write(path, name, content_of(Path(app.srcdir), there[name]))
             button = f'<button type="button" class="himap-play" data-figure="{name}" hidden></button>'
             legend = next(node.findall(nodes.legend))
             legend.insert(0, nodes.raw("", button, format="html"))
@@ -93,8 +89,8 @@ def content_of(root, figure):
     results = root / "book" / "results"
     if figure.name == READINGS_FIGURE:
         return _of_readings(results / "readings.json")
-    about = SPECTRA.get(figure.name) or LINES.get(figure.name) or {}
-    kind = partial(_kind, about.get("kind")) if figure.name in SPECTRA else None
+    is_spectrum = figure.name in SPECTRA
+    about = (SPECTRA if is_spectrum else LINES)[figure.name]
     notebook = root / "notebooks" / f"{figure.notebook}.ipynb"
     parameters = read_notebook(notebook).metadata[STAMP]["parameters"]
     sources = [(parameters, play_data.of_notebook(figure))]
@@ -107,27 +103,27 @@ def content_of(root, figure):
         if about.get("slider") == "curve":
             chosen = {title: play_data.medians(curves) for title, curves in chosen.items()}
         label = play_data.size_and_galaxy(made)
-        views.append(play_data.view(label, chosen, about.get("looks", play_looks.methods), kind))
+        views.append(play_data.view(label, chosen, about.get("looks", play_looks.methods), is_spectrum))
     for one in views:
         for panel in one["panels"]:
-            panel |= _axes(figure.name, panel["title"], about, kind)
+            panel |= _axes(panel["title"], about)
     names = {"view": "Size and Galaxy", "panel": about.get("panel", "Direction")}
     return {"names": names, "slider": about.get("slider"), "views": views}
 
 
-def _kind(fixed, title):
-    return fixed or ("angular" if title == _SKY else "frequency")
+def _labels(title, kind=None):
+    """Labels of x, y and the ratio, of a panel of that kind or of that title."""
+    found = styles.AXES[kind or ("angular" if title.endswith(_SKY) else "frequency")]
+    return [play_data.plain(found[key]) for key in ("xlabel", "ylabel", "ratio_label")]
 
 
-def _axes(name, title, about, kind):
+def _axes(title, about):
     """Labels and scales of one panel."""
-    found = styles.AXES[_kind(about.get("kind"), title)]
-    axes = {"x_label": play_data.plain(found["xlabel"])}
-    if kind:
-        axes |= {"y_label": play_data.plain(found["ylabel"]), "x_log": True, "y_log": True}
-        return axes | {"ratio_label": play_data.plain(found["ratio_label"])}
+    x, y, ratio = _labels(title, about.get("kind"))
+    if "axes" not in about:  # spectra
+        return {"x_label": x, "y_label": y, "x_log": True, "y_log": True, "ratio_label": ratio}
     given = about["axes"]
-    axes |= {f"{one}_label": given[one] for one in "xy" if one in given}
+    axes = {"x_label": x} | {f"{one}_label": given[one] for one in "xy" if one in given}
     return axes | {one: given[one] for one in ("x_log", "y_log", "y_range") if one in given}
 
 
@@ -139,28 +135,17 @@ def _of_readings(path):
     titles = {label: known[label].title for label in found}
     views = []
     for restart, of_restart in rows.groupby("restart"):
-        panels, axes = {}, {}
+        panels = {}
         for seed, of_seed in of_restart.groupby("seed", sort=False):
-            for kind, curve, across in (
-                ("angular", CURVES[0], _SKY),
-                ("frequency", CURVES[1], "along the line of sight"),
-            ):
-                title = f"seed {seed}, {across}"
+            for curve, across in zip(CURVES, (_SKY, "along the line of sight"), strict=True):
                 curves = of_seed[of_seed["quantity"] == curve].groupby("label", sort=False)
-                panels[title] = [
+                panels[f"seed {seed}, {across}"] = [
                     (titles[label], list(zip(one["x"], one["value"], strict=True))) for label, one in curves
                 ]
-                labels = styles.AXES[kind]
-                axes[title] = {
-                    "x_label": play_data.plain(labels["xlabel"]),
-                    "y_label": play_data.plain(labels["ratio_label"]),
-                    "x_log": True,
-                    "y_range": [0.4, 2.2],
-                    "band": 0.1,
-                }
         one = play_data.view(f"restart {restart}", panels, play_looks.apart)
         for panel in one["panels"]:
-            panel |= axes[panel["title"]]
+            x, _, ratio = _labels(panel["title"])
+            panel |= {"x_label": x, "y_label": ratio, "x_log": True, "y_range": [0.4, 2.2], "band": 0.1}
         views.append(one)
     hidden = [titles[label] for label in found if label not in READINGS]
     names = {"view": "Restart", "panel": "Sky and direction"}

@@ -70,34 +70,23 @@ def size_and_galaxy(parameters):
 
 def medians(curves):
     """Of [(label, points)] those of ensembles by their medians alone, with the label before its remarks."""
-    kept = [(label, points) for label, points in curves if _parts(label)[2] in (None, "median")]
     return [
         (re.sub(r" \(\d+ of \d+ failed\)", "", label).removesuffix(": median"), points)
-        for label, points in kept
+        for label, points in curves
+        if _parts(label)[2] in (None, "median")
     ]
 
 
-def view(label, panels, looks, kind=None):
-    """One view of a figure.
+def view(label, panels, looks, with_ratios=False):
+    """One view of a figure, of panels {title: [(label, [(x, y)])]}, with ratios to the truth or not.
 
-    Parameters
-    ----------
-    label
-        What it is called.
-    panels
-        {title: [(label, [(x, y)])]}.
-    looks
-        Function from the labels of a panel to {label: style}, styles as `himap.figures.styles` has them.
-    kind
-        Function from a title to "angular" or "frequency" where curves come with their ratio to the truth.
+    The function `looks` is from the labels of a panel to {label: style}, as `himap.figures.styles` has them.
     """
-    return {
-        "label": label,
-        "panels": [_panel(title, curves, looks, kind and kind(title)) for title, curves in panels.items()],
-    }
+    shown = [_panel(title, curves, looks, with_ratios) for title, curves in panels.items()]
+    return {"label": label, "panels": shown}
 
 
-def _panel(title, curves, looks, kind):
+def _panel(title, curves, looks, with_ratios):
     several, shown, times = {}, [], Counter()
     for label, points in curves:
         name, is_truth, part = _parts(label)
@@ -108,7 +97,7 @@ def _panel(title, curves, looks, kind):
     for name, parts in several.items():
         one = {"label": plain(name), **_look(styled[name])}
         one["y"], one["spread"] = _values(parts, xs)
-        if kind and name != TRUTH:
+        if with_ratios and name != TRUTH:
             one["ratio"], one["ratio_spread"] = _values(parts, xs, several[TRUTH][False, None])
         shown.append(one)
     return {"title": plain(title), "x": [float(f"{x:.5g}") for x in xs], "curves": shown}
