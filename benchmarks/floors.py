@@ -56,13 +56,9 @@ class Needs:
 
     def floor(self, machine):
         """Seconds on `machine`, if nothing were lost and nothing overlapped."""
-        return (
-            self.transforms * machine.transform
-            + self.transforms_single * machine.transform_single
-            + self.n_bytes / machine.bandwidth
-            + self.operations / machine.operations
-            + self.operations_single / machine.operations_single
-        )
+        transforms = self.transforms * machine.transform + self.transforms_single * machine.transform_single
+        products = self.operations / machine.operations + self.operations_single / machine.operations_single
+        return transforms + self.n_bytes / machine.bandwidth + products
 
 
 def _quickest(function):

@@ -14,7 +14,7 @@ from pathlib import Path
 from docutils import nodes
 from sphinx.util.docutils import SphinxRole
 
-from himap.app.notebook_files import STAMP, read_notebook
+from himap.app.notebook_files import STAMP, figure_options, read_notebook
 from himap.app.notebooks import declared_parameters
 from himap.app.stored import read_ledger, stale_results, stored_figures, stored_results
 from himap.core.memory import estimate
@@ -121,18 +121,13 @@ def cost(path, results):
     took = _range([seconds] if seconds else [])
     if preset is None:
         return f"{took}, for it shows what is stored"
-    names = {cell.metadata.get("mystnb", {}).get("figure", {}).get("name") for cell in node.cells}
+    names = {figure_options(cell).get("name") for cell in node.cells}
     said = [f"{took} and up to {_memory(preset)} at {preset}"]
-    large = _seconds(results, names)
+    rows = [rows[name] for rows in stored_figures(results).values() for name in rows.keys() & names]
+    large = sorted({row["execution"]["seconds"] for row in rows})
     if large:
         said.append(f"{_range(large)} and up to {_memory(LARGE)} at the paper’s size")
     return "; ".join(said) + "; what other chapters had kept was not made again"
-
-
-def _seconds(results, names):
-    """What the chapter with figures of these names took at the paper's size, shortest first."""
-    rows = [rows[name] for rows in stored_figures(results).values() for name in rows.keys() & names]
-    return sorted({row["execution"]["seconds"] for row in rows})
 
 
 def _range(seconds):
@@ -140,10 +135,9 @@ def _range(seconds):
     if not seconds:
         return "an unknown time"
     first, last = duration(seconds[0]), duration(seconds[-1])
-    if first == last:
-        return first
     value, unit = first.split()
-    return f"{value} to {last}" if last.endswith(f" {unit}") else f"{first} to {last}"
+    shown = value if last.endswith(f" {unit}") else first
+    return first if first == last else f"{shown} to {last}"
 
 
 def _memory(preset):

@@ -102,7 +102,7 @@ def content_of(root, figure):
         chosen = dict(list(panels.items())[: about.get("n_panels")])
         if about.get("slider") == "curve":
             chosen = {title: play_data.medians(curves) for title, curves in chosen.items()}
-        label = play_data.size_and_galaxy(made)
+        label = f"{made.get('preset', 'quick')}, {made.get('galaxy', 'synthetic')} Galaxy"
         views.append(play_data.view(label, chosen, about.get("looks", play_looks.methods), is_spectrum))
     for one in views:
         for panel in one["panels"]:

@@ -62,12 +62,6 @@ def of_stored(row):
     }
 
 
-def size_and_galaxy(parameters):
-    """What a view is called: ``quick, synthetic Galaxy``."""
-    galaxy = parameters.get("galaxy", "synthetic")
-    return f"{parameters.get('preset', 'quick')}, {galaxy} Galaxy"
-
-
 def medians(curves):
     """Of [(label, points)] those of ensembles by their medians alone, with the label before its remarks."""
     return [

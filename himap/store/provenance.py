@@ -30,14 +30,10 @@ class Provenance:
 
     Attributes
     ----------
-    preset
-        Name of the preset.
     overrides
-        Survey fields that differ from it, and the parameters that were passed to `of`.
+        Survey fields that differ from the preset, and the parameters that were passed to `of`.
     galaxy
         Which Galaxy: "synthetic", "templates (nside 64)", "pysm3", "none".
-    seed
-        Seed of all random streams.
     commit, dirty
         Short git commit of himap ("unknown" outside a checkout); whether library or notebooks have edits.
     seconds

@@ -32,7 +32,9 @@ def product(function=None, *, name=None, version=None):
     dataclass also counts with the code of its class, and an argument with a method `digest()` with what that
     returns, for instance the hash of a file; fields at the value that is `off` (see `parameter` of
     `himap.core.checks`) do not count. The result is an array, or a dataclass, list, tuple or dict of arrays,
-    text and numbers; arrays are read-only. While one process computes a result, others wait for it.
+    text and numbers; arrays are read-only. While one process computes a result, others wait for it. A call
+    raises InputError for arguments that do not fit the signature, or that have no such text, and for a result
+    that cannot be written.
 
     Parameters
     ----------
@@ -42,9 +44,6 @@ def product(function=None, *, name=None, version=None):
     version
         A number to raise where the result changes for a reason that is not in the source, such as a newer
         package.
-
-    When called, InputError for arguments that do not fit the signature, or that have no such text, and for a
-    result that cannot be written.
 
     >>> @product
     ... def observation(survey, *, beam="degraded"): ...
