@@ -24,8 +24,8 @@ N_LINES, N_CHANNELS, N_MODES = 64, 8, 1000  # the sample that a slow alternative
 def alternatives_to(case, method, separation):
     """The alternatives to a method on a `Case` where it gave a `Separation`; method None is peak masking.
 
-    They are a list, for a method that this file does not know an empty one, of a name, a function, and how
-    many times the work of that function is the work of the method. The table of all steps has the first.
+    Returns a list of (name, function, how many times the work of that function is the work of the method),
+    empty for a method that this file does not know. The table of all steps has the first.
     """
     alternatives = _ALTERNATIVES.get(method.name) if method else _for_polynomials
     if alternatives is None:

@@ -48,9 +48,9 @@ class Place:
             )
 
     def processes(self, word=""):
-        """What runs here, by the folder of its temporary files, with some text in its command line.
+        """What runs here, by the folder of its temporary files, with `word` in its command line.
 
-        With "popen_loky" those that share the work of one that joblib started them for.
+        That of processes that joblib started to share the work of another has "popen_loky".
         """
         found = []
         for process in psutil.process_iter():

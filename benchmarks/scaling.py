@@ -66,14 +66,13 @@ def measure(steps):
                 measurement = measured(step, case, alternatives=False)
                 runs[step.name].append((measurement, (probe_before + probe()) / 2))
         costs[name] = {}
-        for step, measurements in runs.items():
-            probes = [paced for _, paced in measurements]
-            seconds = at_one_pace([(measurement.seconds, paced) for measurement, paced in measurements])
+        for step, pairs in runs.items():
+            seconds = at_one_pace([(measurement.seconds, paced) for measurement, paced in pairs])
             costs[name][step] = {
                 "sizes": sizes,
                 "seconds": seconds,
-                "probe": probes,
-                "memory_gb": [measurement.memory / 1e9 for measurement, _ in measurements],
+                "probe": [paced for _, paced in pairs],
+                "memory_gb": [measurement.memory / 1e9 for measurement, _ in pairs],
                 "exponent": exponents(sizes, seconds),
             }
             click.echo(f"{name:11s} {step:26s} {costs[name][step]['exponent']:.2f}  {seconds}")

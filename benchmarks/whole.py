@@ -66,9 +66,7 @@ def main(preset, galaxy, template_dir, jobs, n_restarts, folder, output):
 
 def _run(arguments, folder, cache):
     """{"seconds", "memory_gb"} of a himap command in a folder, with a cache of its own."""
-    root = str(Path(__file__).resolve().parents[1])
-    path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
-    variables = os.environ | {"HIMAP_CACHE": str(cache), "PYTHONPATH": path}
+    variables = os.environ | {"HIMAP_CACHE": str(cache), "PYTHONPATH": os.pathsep.join(sys.path)}
     started = time.monotonic()
     with subprocess.Popen([sys.executable, "-m", "himap", *arguments], cwd=folder, env=variables) as process:
 

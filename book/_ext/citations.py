@@ -29,8 +29,8 @@ _OTHERS = re.compile(r",? and others\b")
 
 
 def _names_authors(node):
-    told = isinstance(node, nodes.inline) and "bibtex-citation" in node["classes"]
-    return told or isinstance(node, nodes.citation | nodes.reference)
+    is_cited = isinstance(node, nodes.inline) and "bibtex-citation" in node["classes"]
+    return is_cited or isinstance(node, nodes.citation | nodes.reference)
 
 
 def spell(app, doctree, docname):

@@ -47,7 +47,7 @@ _LABEL = re.compile(r"^\([\w-]+\)=\n|\[([^]]+)\]\([\w-]+\)", re.MULTILINE)  # a 
 def stamped(node, source, *, fingerprint, parameters, execution=None):
     """The executed `node`, cleaned in place, with the header of its ``.py``, `source`, and its stamp.
 
-    That holds the rest; `execution` as `himap.store.provenance.environment` has it, with "seconds".
+    The stamp holds the rest; `execution` is `himap.store.provenance.environment` with "seconds".
     """
     import nbformat  # slow, as below, and only what handles notebooks needs it
 
@@ -119,8 +119,8 @@ def for_jupyter(node, notebook, parameters, seconds):
     """Write out, in an executed copy of a notebook, what only the book would show.
 
     That is: quoted numbers, references, formulas and captions, which are roles, directives and metadata. The
-    `node` of the copy of a `Notebook` is changed; it begins with the parameters, {name: value}, that it was
-    executed with, in so many seconds.
+    copy of a `Notebook`, `node`, is changed: it begins with the parameters, {name: value}, that it was
+    executed with, and says how many seconds it took.
     """
     import nbformat
 

@@ -111,8 +111,8 @@ def parse_texts(declared, texts):
 def check_parameters(declared, given):
     """The parameters to pass to a notebook, checked before anything runs.
 
-    Of a list of `Parameter` and the {name: value} that differ from their defaults, among them fields of
-    `Survey`: the values in the declared types, Survey fields gathered under ``survey``. InputError for an
+    What is declared is a list of `Parameter`; what is given {name: value}, fields of `Survey` among them.
+    Returns the values in the declared types, with Survey fields gathered under ``survey``. InputError for an
     unknown name (the message lists what there is), a value of the wrong type, or a preset or Survey field
     that `Survey` refuses.
     """

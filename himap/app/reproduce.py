@@ -110,10 +110,10 @@ def stale(folder=None, *, looks=False):
 def refresh(names=None, folder=None, *, report=None):
     """Make stale notebooks fresh: execute them in place, or copy the text where only text changed.
 
-    All, or those of some names as in `find`; those too of which only the looks changed. Before each comes
-    ``report(name, why)``, and {name: why} of what was done is returned. InputError where an ``.ipynb`` holds
-    edits that its ``.py`` lacks, which would be lost; `NotebookError` where a notebook stops at an error, and
-    is as it was before.
+    All are made fresh, or those named as in `find`; those of which only the looks changed are executed too.
+    Before each, ``report(name, why)`` is called. Returns {name: why} of what was done. InputError where an
+    ``.ipynb`` holds edits that its ``.py`` lacks, which would be lost; `NotebookError` where a notebook stops
+    at an error, and is as it was before.
     """
     chosen = notebooks(folder) if names is None else [find(name, folder) for name in names]
     tree = CodeTree()

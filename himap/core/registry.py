@@ -17,8 +17,8 @@ def plain_name(name):
 class Registry:
     """The classes that the files of a package register.
 
-    Messages call them a `kind`. Of the package there are ``__name__`` and ``__path__``, and {name: class},
-    which the base class of them all fills in ``__init_subclass__``.
+    Messages call one a `kind`. `package` and `path` are ``__name__`` and ``__path__`` of the package,
+    `classes` is {name: class}, which the base class of them all fills in ``__init_subclass__``.
     """
 
     def __init__(self, kind, package, path, classes):

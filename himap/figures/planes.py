@@ -47,8 +47,8 @@ def sky_images(maps, celestial, *, span):
 def power_planes(planes, *, x, y, xlabel, ylabel, unit, ratio=None):
     """A figure of power over two wavenumbers on logarithmic axes, and of a ratio.
 
-    The planes are {title: (n_y, n_x)}, above zero in some `unit`, NaN where there is no value, all on one
-    scale of colours; `x` and `y` the edges of the cells, one more than these. A ratio is (title, (n_y, n_x));
+    The planes are {title: (n_y, n_x)}, above zero, in a `unit`, NaN where there is no value, all on one scale
+    of colours; `x` and `y` are the edges of the cells, one more than these. A ratio is (title, (n_y, n_x));
     its colours go as far above 1 as below.
     """
     values = np.concatenate([plane[plane > 0] for plane in planes.values()])

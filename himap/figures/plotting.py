@@ -270,9 +270,9 @@ def _points(panel, x, y, style):
 def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     """A figure of ratios to the truth with the range over skies, on the axis of `himap.figures.axes`.
 
-    Panels, of some columns and size, inches, share that axis and the legend above. They are dicts: "curves",
-    a list of (x, middle, low, high, style), arrays (n,); and anything `Axes.set` takes. Curves of one label
-    are the same in all panels.
+    Panels are dicts: "curves", a list of (x, middle, low, high, style), arrays (n,); and anything `Axes.set`
+    takes. They share the axis of ratios and a legend above, so curves of one label are the same in all; the
+    size of each is in inches.
     """
     limits = ratio_limits([one for panel in panels for _, *three, _ in panel["curves"] for one in three])
     figure, grid = subplots(len(panels), columns, size, room=0.5, sharey=True)

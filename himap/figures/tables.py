@@ -66,7 +66,7 @@ def _escaped(cell):
 
 
 def _row(cells, sides, scope="row"):
-    """A row of HTML, whose first cell heads it; the header is one whose cells head a "col" each."""
+    """A row of HTML whose first cell heads it, or of the header, whose cells head a "col" each."""
     row = ""
     for cell, side in zip(cells, chain(sides, repeat("left")), strict=False):
         tag, heads = ("th", f' scope="{scope}"') if scope else ("td", "")
