@@ -1,7 +1,6 @@
 """The methods and beams as the paper uses them (its Table 1 and Sects. 2.2.1 and 4)."""
 
-from dataclasses import fields
-
+from himap.core.checks import with_fields
 from himap.core.errors import InputError
 from himap.instrument.beams.paper import Degraded, Evolving, Oscillating
 from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
@@ -37,22 +36,13 @@ BEAM_AWARE = {
 
 def beam_aware_for(beam, method="sdecgmca", **options):
     """The method of `BEAM_AWARE` called `method`, with the parameters of Table 1 for a beam but for
-    `options`.
-
-    Raises
-    ------
-    InputError
-        No such method, an option that it does not have, or a bad value.
+    `options`; InputError for another, an option that it does not have, or a bad value.
     """
     if method not in BEAM_AWARE:
         raise InputError(f"in the place of SDecGMCA can stand {', '.join(BEAM_AWARE)}, got {method!r}.")
     kind, columns = BEAM_AWARE[method]
-    known = [item.name for item in fields(kind)]
-    unknown = [name for name in options if name not in known]
-    if unknown:
-        raise InputError(f"{method} has no option {', '.join(unknown)}; it has {', '.join(known)}.")
     row = table_1(beam)
-    return kind(**{name: row[name] for name in columns} | options)
+    return with_fields(kind, {name: row[name] for name in columns} | options)
 
 
 def sdecgmca_for(beam, **changed):
@@ -63,17 +53,9 @@ def sdecgmca_for(beam, **changed):
 def methods_for(beam, n_sources=None, *, method="sdecgmca", variable="temperature", **options):
     """The six methods as the paper uses them for one beam, in the order of `BSS` and then the two fits.
 
-    Parameters
-    ----------
-    beam
-        A `Beam`.
-    n_sources
-        The number of sources; that of Table 1 unless given.
-    variable
-        Of the polynomial, as of `Polynomial`.
-    method, options
-        As in `beam_aware_for`, which refuses bad ones: what replaces SDecGMCA, and what differs
-        from its defaults.
+    Without `n_sources` their number is that of Table 1; `variable` is that of `Polynomial`. `method` and
+    `options` are what replaces SDecGMCA and what differs from its defaults, as in `beam_aware_for`, which
+    refuses bad ones.
     """
     n = table_1(beam)["n_sources"] if n_sources is None else n_sources
     return [
