@@ -47,13 +47,7 @@ class AuthorsCode:
 
     @classmethod
     def read(cls, path):
-        """From the file.
-
-        Raises
-        ------
-        InputError
-            No such file, or another one.
-        """
+        """From the file; InputError if there is none, or for another one."""
         try:
             arrays = dict(np.load(Path(path)))
             if missing := {"alms", "beams", "noise"} - set(arrays):
@@ -97,10 +91,7 @@ class AuthorsCode:
     def compared(self, variant):
         """How far A is from that of the code, from its own start, after each of `ITERATIONS`.
 
-        Returns
-        -------
-        (list, list)
-            The largest difference of A; and the one that a change of the start by `CHANGE` makes.
+        Two lists: the largest difference of A; and the one that a change of the start by `CHANGE` makes.
         """
         method, start = self.method(variant), self.mixing(variant, 0)
         change = 1 + CHANGE * np.random.default_rng(0).standard_normal(start.shape)
@@ -115,12 +106,8 @@ def read_authors_ensemble(path):
     """What the authors' code gives from many starts, a DataFrame with a row for each number.
 
     Columns are "preset", "galaxy", "thresholds", "sign", "alms" (whose harmonic coefficients), "restart", and
-    "quantity", "x", "value": x is the iteration, or of what follows from the last S its floor.
-
-    Raises
-    ------
-    InputError
-        No such file, or another one.
+    "quantity", "x", "value": x is the iteration, or of what follows from the last S its floor. InputError if
+    there is no such file, or for another one.
     """
     try:
         stored = json.loads(Path(path).read_text())

@@ -9,19 +9,8 @@ _FEW = 3  # departures from the text that a caption can list
 def of_sdecgmca(method, nside):
     """Which reading of the paper an `SDecGMCA` is, what in it the text does not have, and where it ends.
 
-    Choices on which the text is silent are named where they are not as the letter has them.
-
-    Parameters
-    ----------
-    method
-        `SDecGMCA`.
-    nside
-        Of the maps, which hold multipoles up to 2 nside well.
-
-    Returns
-    -------
-    str
-        A sentence without its full stop.
+    A sentence without its full stop. Choices on which the text is silent are named where they are not as the
+    letter has them. `nside` is that of the maps, which hold multipoles up to 2 nside well.
     """
 
     def say(name, value):

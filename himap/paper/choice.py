@@ -38,13 +38,10 @@ def minka(case):
 def source_number_criteria(case, removers, mocks):
     """What is known of each number of sources of a method, `removers`, ascending by one.
 
-    Returns
-    -------
-    DataFrame
-        Its index is the number. Columns: "bic" and "aic" (`n_sources.information`); "change" and
-        "corrected_change" to the next number (`n_sources.changes`), of C_l and P(k), and of their bands over
-        the transfer function, NaN of the last; "error" and "corrected_error", how far the worst band is from
-        the truth, as it is and over the transfer function.
+    A DataFrame whose index is the number. Columns: "bic" and "aic" (`n_sources.information`); "change" and
+    "corrected_change" to the next number (`n_sources.changes`), of C_l and P(k), and of their bands over the
+    transfer function, NaN of the last; "error" and "corrected_error", how far the worst band is from the
+    truth, as it is and over the transfer function.
     """
     counts = np.array([remover.n_sources for remover in removers])
     own = [own_recovery(case, remover) for remover in removers]

@@ -201,11 +201,7 @@ def make(work):
     """Make what is missing of products, [(product, arguments)], several at a time.
 
     They are begun in this order. The first argument is a `pipeline.Case`, or the `Survey` of a sky.
-
-    Raises
-    ------
-    InputError
-        It will not fit into memory, or what the products refuse.
+    InputError if it will not fit into memory, or what the products refuse.
     """
     missing = [(wanted, call) for wanted, call in work if not wanted.is_cached(*call)]
     cases = dict.fromkeys(call[0] for _, call in missing if isinstance(call[0], pipeline.Case))

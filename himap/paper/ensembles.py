@@ -41,16 +41,10 @@ _RUN = ["reading", "case", "n_sources"]
 
 
 def variant_growth(case, options, n_restarts, **common):
-    """Angles and condition numbers of a variant, rows as of the experiment `authors`.
+    """Angles and condition numbers of a variant on a `pipeline.Case`, rows as of the experiment `authors`.
 
-    Parameters
-    ----------
-    case
-        A `pipeline.Case`.
-    options
-        As in `VARIANTS`; `common` are options of all variants.
-    n_restarts
-        Starts, the plain one among them, which the angles are from.
+    `options` are as in `VARIANTS`, and `common` those of all variants; the plain start, which the angles are
+    from, is one of the `n_restarts`.
     """
     plain, *others = (
         first_mixings(case, of_code(case.beam, restart=k, **common | options, tolerance=0.0))
@@ -87,25 +81,14 @@ def compare_samples(one, two, *, n_permutations=9999):
 
     All quantities of a member are permuted together, so that the last p, of the mean distance, allows for
     every quantity, however they depend on each other. p is valid for any number of permutations, and at least
-    1 / (n_permutations + 1).
-
-    Parameters
-    ----------
-    one, two
-        (n_members, n_quantities); numbers of members may differ.
-    n_permutations
-        How many permutations.
+    1 / (n_permutations + 1). Samples are (n_members, n_quantities), of as many members or others; InputError
+    for other shapes, or a value that is not finite.
 
     Returns
     -------
     distances, p, p_all
         The largest difference of the distribution functions of each quantity and its p, (n_quantities,); and
         the p of the mean of these distances.
-
-    Raises
-    ------
-    InputError
-        Other shapes, or a value that is not finite.
     """
     one, two = np.asarray(one, dtype=float), np.asarray(two, dtype=float)
     if one.ndim != 2 or two.ndim != 2 or one.shape[1] != two.shape[1] or not min(len(one), len(two)):

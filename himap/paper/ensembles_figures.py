@@ -59,12 +59,8 @@ def _panel(quantity, variants, looks):
 def distributions_figure(ensembles, floors):
     """Distribution functions of what follows from the last S, and of the last condition number.
 
-    Parameters
-    ----------
-    ensembles
-        {label: rows}: the first with solid lines, the second with dashed ones.
-    floors
-        {floor of the last S: what it is called}.
+    `ensembles` are {label: rows}, the first with solid lines, the second with dashed ones; `floors` {floor of
+    the last S: what it is called}.
     """
     panels = []
     for quantity in (*MEASURES, "condition"):

@@ -144,13 +144,10 @@ def error_of_flagged_lines(case, remover, mask_peaks=True):
     The foreground's spectra are those principal spectra of the true foreground through the beam that each
     hold more variance than the truth does in all channels together. Arguments as of `cleaned.assessment`.
 
-    Returns
-    -------
-    dict
-        "n_spectra": how many these are. Mean squares over the flagged lines (`diagnostics.flagged_lines`)
-        and channels, mK^2, 0 if there is none: "error"; "in spectra", its part in these spectra;
-        "foreground residual" and "signal loss" (`leakage.split_error`), whose difference the error is;
-        "truth" and "truth in spectra".
+    A dict with "n_spectra", how many these are, and mean squares over the flagged lines
+    (`diagnostics.flagged_lines`) and channels, mK^2, 0 if there is none: "error"; "in spectra", its part in
+    these spectra; "foreground residual" and "signal loss" (`leakage.split_error`), whose difference the error
+    is; "truth" and "truth in spectra".
     """
     lmax = cleaned.separation(case, remover, mask_peaks).lmax
     lines = diagnostics.flagged_lines(cleaned.assessment(case, remover, mask_peaks).line_errors)
@@ -181,14 +178,11 @@ def _of_lines(cube, lines):
 
 @product
 def peak_without_lines(case, remover, mask_peaks=True):
-    """P/P0 of a method without the lines of sight whose foreground is brightest.
+    """k above 0, 1/MHz, (n_k,), and P/P0 of a method without some lines of sight, (n_masks, n_k).
 
-    Returns
-    -------
-    k, ratios
-        1/MHz, (n_k,), above 0, and P/P0 (n_masks, n_k): without each share of `BRIGHTEST`, and without the
-        share `CONTROL` of the faintest. The brightness of a line is the mean over channels of the foreground
-        through the beam; residual and truth have the same lines, less their means over these.
+    It is without each share of `BRIGHTEST`, and without the share `CONTROL` of the faintest. The brightness
+    of a line is the mean over channels of the foreground through the beam; residual and truth have the same
+    lines, less their means over these.
     """
     separation, width = cleaned.separation(case, remover, mask_peaks), case.survey.channel_width
     error, truth = cleaned.error_of(case, separation, mask_peaks), pipeline.truth(case)

@@ -110,19 +110,9 @@ def beam_errors_figure(table):
 def methods_figure(tables, kind, *, corrected=False):
     """C/C0 or P/P0, median over skies and the range of 16 to 84 %; a panel for each table and beam.
 
-    Parameters
-    ----------
-    tables
-        {title: table of `himap.paper.experiments.methods`}.
-    kind
-        "angular" or "frequency".
-    corrected
-        Whether the curves are those over the transfer function, of the methods that have one.
-
-    Raises
-    ------
-    InputError
-        There are no such curves.
+    `tables` are {title: table of `himap.paper.experiments.methods`}, and `kind` is "angular" or "frequency".
+    If `corrected`, curves are those over the transfer function, of the methods that have one; InputError
+    where there are none.
     """
     panels = []
     for title, table in tables.items():

@@ -19,29 +19,12 @@ from himap.store.store import temporary
 
 @dataclass(frozen=True, kw_only=True)
 class Sky:
-    """One sky of an experiment.
+    """One sky of an experiment. InputError without a method."""
 
-    Attributes
-    ----------
-    methods
-        {`pipeline.Case`: [method]}: the sky through each beam, and the methods that clean it.
-    mocks
-        Tuple of `himap.paper.mocks.Mock`, of other skies.
-    corrected
-        Names of the methods whose spectra are corrected by transfer functions; None for all.
-    beams
-        {(kind, error): `Beam`} that methods assume (`himap.paper.experiments.beam_errors`).
-
-    Raises
-    ------
-    InputError
-        No method.
-    """
-
-    methods: dict
-    mocks: tuple = ()
-    corrected: tuple | None = None
-    beams: dict | None = None
+    methods: dict  # {`pipeline.Case`: [method]}: the sky through each beam, and the methods that clean it
+    mocks: tuple = ()  # of `himap.paper.mocks.Mock`, of other skies
+    corrected: tuple | None = None  # names of methods that are corrected by transfer functions; None for all
+    beams: dict | None = None  # {(kind, error): `Beam`} that methods assume, of the experiment `beam_errors`
 
     def __post_init__(self):
         if not all(self.methods.values()):

@@ -26,16 +26,8 @@ def split_error(case, remover, mask_peaks=True):
 
     P is on the columns of A, or for a method that knows the beam, on diag(H_l) A at every l; of a filter it
     is the filter. What an epsilon of its inversion keeps back is on the side of the foreground. Of a method
-    that ends at some l, all is up to that l.
-
-    Parameters
-    ----------
-    case
-        `pipeline.Case`.
-    remover
-        A method with a number of sources.
-    mask_peaks
-        As in `cleaned.separation`.
+    that ends at some l, all is up to that l. Arguments as of `cleaned.separation`, of a method with a number
+    of sources.
     """
     error, hi_lost = _error_and_loss(case, remover, mask_peaks)
     return error + hi_lost, hi_lost
@@ -63,11 +55,8 @@ def _error_and_loss(case, remover, mask_peaks):
 def error_parts(case, remover, mask_peaks=True):
     """Mean squares of the error of a component method and of its two parts, mK^2, by channel.
 
-    Returns
-    -------
-    dict
-        {"foreground residual", "signal loss" or "error": {"flagged", "others" or "all": (n_channels,)}}: on
-        the lines of sight of `flagged_lines`, on the others and on all. Arguments as of `split_error`.
+    {"foreground residual", "signal loss" or "error": {"flagged", "others" or "all": (n_channels,)}}: on the
+    lines of sight of `flagged_lines`, on the others and on all. Arguments as of `split_error`.
     """
     flagged = flagged_lines(cleaned.assessment(case, remover, mask_peaks).line_errors)
     error, hi_lost = _error_and_loss(case, remover, mask_peaks)

@@ -74,20 +74,12 @@ def joint_verdict(entries):
 
 
 def cause(entry, others):
-    """What makes the parts of a claim hold that do not, in words: measured, not guessed.
+    """What makes the parts of a claim hold that do not in its `Entry`, in words: measured, not guessed.
 
-    Parameters
-    ----------
-    entry
-        The `himap.paper.claims.entries.Entry`.
-    others
-        {what is different: {claim: its `Entry`}}, such as "reading code", which begins with `READING`.
-
-    Returns
-    -------
-    str
-        The names of those in which all these parts hold; "none found", and nothing of a claim that is
-        reproduced or does not apply. Where no part about SDecGMCA fails, the methods that do come first.
+    `others` are {what is different: {claim: its `Entry`}}, such as "reading code", which begins with
+    `READING`. The text has the names of those in which all these parts hold; or "none found", and nothing of
+    a claim that is reproduced or does not apply. Where no part about SDecGMCA fails, the methods that do come
+    first.
     """
     if entry.verdict in (REPRODUCED, INAPPLICABLE):
         return ""

@@ -63,10 +63,7 @@ def separation(case, remover, region):
 def residual(case, remover, region, way):
     """The residual of one of `WAYS`, mK, (n_channels, n_pix) float32; not kept. Of "inside" the rest is 0.
 
-    Raises
-    ------
-    InputError
-        No such way, or a method that ends at some multipole.
+    InputError for another way, or a method that ends at some multipole.
     """
     if way not in WAYS:
         raise InputError(f"a way must be {', '.join(WAYS[:-1])} or {WAYS[-1]}, got {way!r}.")
@@ -83,20 +80,10 @@ def residual(case, remover, region, way):
 
 @product(name="masked_comparison")
 def compared(case, remover, region, way, margin=4.0):
-    """The `Comparison` of the residual of one of `WAYS` with the truth, inside of a region.
+    """The `Comparison` of the residual of one of `WAYS` with the truth, inside of a `Region`.
 
-    Parameters
-    ----------
-    case
-        `pipeline.Case`, its Galaxy not dimmed.
-    remover
-        A method that does not end at some l.
-    region
-        The `Region`.
-    way
-        One of `WAYS`.
-    margin
-        How far inside of its edge spectra begin, deg. C_l are decoupled (MASTER), in bins of 1 / f_sky.
+    The Galaxy of the case is not dimmed, and the method ends at no l. Spectra begin as far inside of the edge
+    as `margin`, deg; C_l are decoupled (MASTER), in bins of 1 / f_sky.
     """
     inside = region.mask(case.survey.nside, margin)
     left, true = residual(case, remover, region, way), pipeline.truth(case)

@@ -133,23 +133,12 @@ class PatchPower:
     """Both spectra of cubes of a patch, pixels with the weights of their hits, 0 where voxels are missing.
 
     Gaps take power, and of a spectrum and the one that it is held against they take the same.
-
-    Attributes
-    ----------
-    weights
-        Of the pixels, between 0 and 1, (n_pix,).
-    seen
-        Voxels that are not missing, (n_channels, n_pix) bool.
-    channel_width
-        MHz.
-    bin_width
-        Multipoles in a bin.
     """
 
-    weights: np.ndarray
-    seen: np.ndarray
-    channel_width: float
-    bin_width: int
+    weights: np.ndarray  # of the pixels, between 0 and 1, (n_pix,)
+    seen: np.ndarray  # voxels that are not missing, (n_channels, n_pix) bool
+    channel_width: float  # MHz
+    bin_width: int  # multipoles in a bin
 
     def alms(self, maps):
         """`masked_alms` of maps (n_channels, n_pix): those of a sum are the sum of those of its parts."""

@@ -56,21 +56,11 @@ def flagged_shares(errors, none=math.nan):
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One way to read the paper on SDecGMCA.
+    """One way to read the paper on SDecGMCA."""
 
-    Attributes
-    ----------
-    label
-        A name in `READINGS`, or the option that differs from the default, such as "last = repeated".
-    options
-        Pairs (name, value) for `himap.paper.realisation.Realisation`.
-    changed
-        (option, value) where it is the default but for that; else None.
-    """
-
-    label: str
-    options: tuple
-    changed: tuple | None = None
+    label: str  # a name in `READINGS`, or the option that differs from the default, as "last = repeated"
+    options: tuple  # pairs (name, value) for `himap.paper.realisation.Realisation`
+    changed: tuple | None = None  # (option, value) where it is the default but for that
 
     @property
     def title(self):
@@ -123,13 +113,7 @@ def candidates():
 
 
 def find_reading(label):
-    """The `Reading` with a label of `readings` or `candidates`.
-
-    Raises
-    ------
-    InputError
-        None has it.
-    """
+    """The `Reading` with a label of `readings` or `candidates`; InputError if none has it."""
     known = readings() | candidates()
     if label not in known:
         raise InputError(f"reading must be one of {'; '.join(known)}, got {label!r}.")
@@ -138,25 +122,14 @@ def find_reading(label):
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What one reading leads to.
+    """What one reading leads to."""
 
-    Attributes
-    ----------
-    entries
-        {claim: `himap.paper.claims.entries.Entry`}.
-    numbers
-        The other numbers, through the oscillating beam: a DataFrame with a row for each (seed,
-        restart) and a column for each quantity without an x; bands that the maps do not hold are missing.
-    curves
-        DataFrame of the rows of `CURVES`.
-    statements
-        How many of the paper's statements on SDecGMCA hold: the mean over skies of `statement_counts`.
-    """
-
-    entries: dict
+    entries: dict  # {claim: `himap.paper.claims.entries.Entry`}
+    # The other numbers, through the oscillating beam: a row for each (seed, restart) and a column for each
+    # quantity without an x; bands that the maps do not hold are missing.
     numbers: pd.DataFrame
-    curves: pd.DataFrame
-    statements: float
+    curves: pd.DataFrame  # the rows of `CURVES`
+    statements: float  # how many of the paper's on SDecGMCA hold: the mean over skies of `statement_counts`
 
     @property
     def n_failing(self):
@@ -171,12 +144,7 @@ class Outcome:
 
 def outcomes(rows):
     """{label: `Outcome`} of a table with `COLUMNS`, in the order of `readings` and `candidates`. Some
-    may be missing.
-
-    Raises
-    ------
-    InputError
-        Readings or claims that himap does not have.
+    may be missing. InputError for readings or claims that himap does not have.
     """
     known = readings() | candidates()
     if "case" in rows:  # of a record of restarts, which has other beams too
@@ -236,15 +204,8 @@ def ranked_candidates(counts):
 def shares_first(counts, n_resamples=2000):
     """In which share of bootstrap resamples of the skies each candidate has the highest mean count.
 
-    Parameters
-    ----------
-    counts
-        What `statement_counts` gives.
-
-    Returns
-    -------
-    Series
-        Of each label, NaN where it is not known on every sky; several that are equal share a resample.
+    A Series by label, of what `statement_counts` gives: NaN where it is not known on every sky; several that
+    are equal share a resample.
     """
     weights = np.random.default_rng(0).multinomial(
         len(counts), np.full(len(counts), 1 / len(counts)), n_resamples

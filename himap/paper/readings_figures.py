@@ -114,14 +114,9 @@ def curves_figure(outcomes):
 
 
 def code_figure(compared, iterations):
-    """How far A is from that of the authors' code, and the effect of rounding: two panels.
+    """How far A is from that of the authors' code after some `iterations`, and the effect of rounding.
 
-    Parameters
-    ----------
-    compared
-        {variant: (differences, what a change of the start makes)}, as `AuthorsCode.compared` has them.
-    iterations
-        After which.
+    `compared` are {variant: (differences, what a change of the start makes)}, as of `AuthorsCode.compared`.
     """
     looks = [look | {"marker": "o", "markersize": 3} for look in styles.sequence(list(compared))]
     titles = "from the authors' code", "by a change of the start"

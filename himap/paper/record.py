@@ -30,67 +30,33 @@ _FIRST = "first_sky"  # the digest of all that it is made of, defaults and files
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """A grid of runs and a measure, which give a table with rows of many skies.
+    """A grid of runs and a measure, which give a table with rows of many skies."""
 
-    Attributes
-    ----------
-    name
-        Of its file in `himap.paper.experiments`, which has `skies` and `measure` at its top level.
-    chapter
-        Name of the notebook that shows it and whose parameters are those of the experiment.
-    columns
-        {column: type of its values}, in order; an absent number is NaN, an absent text or bool None. Every
-        table has the column "seed", an int, before these.
-    key
-        The columns that identify a row on one sky; the others may have several values for a key.
-    skies
-        Function from the parameters to a list of skies: objects with `survey`, whose seed identifies them,
-        and `galaxy`.
-    measure
-        Product, of one of these: its rows, a list of dicts with a value for each column.
-    summary
-        Function from the table of all rows to what a terminal shows, a DataFrame of texts.
-    defaults
-        {parameter: value} where that is not the default of the chapter.
-    without
-        Parameters of the chapter that the experiment does not have.
-    stated
-        Parameters that are always stored, besides the numbers of skies, restarts and mocks.
-    words
-        Columns of text that are not compared when a sky is measured again.
-    remark
-        Function from a sky to a text for below the summary on a terminal, say what such maps cannot show.
-    prepare
-        Function that makes what some skies need before they are measured: one after the other, or all at
-        once on a cluster that shares the work.
-    other_restarts
-        Function from a sky and restarts to it without these, or None; None if restarts share a measure.
-    """
-
-    name: str
-    chapter: str
+    name: str  # of its file in `himap.paper.experiments`, which has `skies` and `measure` at its top level
+    chapter: str  # the notebook that shows it and whose parameters are those of the experiment
+    # {column: type of its values}, in order; an absent number is NaN, an absent text or bool None. Every
+    # table has the column "seed", an int, before these.
     columns: Mapping
-    key: tuple
+    key: tuple  # columns that identify a row on one sky; the others may have several values for a key
+    # From the parameters to a list of skies: objects with `survey`, whose seed identifies them, and `galaxy`.
     skies: Callable
-    measure: Callable
-    summary: Callable
-    defaults: Mapping = field(default_factory=dict)
-    without: tuple = ()
-    stated: tuple = ()
-    words: tuple = ()
-    remark: Callable = lambda sky: ""
+    measure: Callable  # product, of one of these: its rows, a list of dicts with a value for each column
+    summary: Callable  # from the table of all rows to what a terminal shows, a DataFrame of texts
+    defaults: Mapping = field(default_factory=dict)  # {parameter: value}, where it is not the chapter's
+    without: tuple = ()  # parameters of the chapter that the experiment does not have
+    stated: tuple = ()  # parameters that are always stored, besides the numbers of skies, restarts and mocks
+    words: tuple = ()  # columns of text that are not compared when a sky is measured again
+    remark: Callable = lambda sky: ""  # a text for below the summary, say what such maps cannot show
+    # Makes what some skies need before they are measured: one after the other, or all at once on a cluster.
     prepare: Callable = lambda skies: None
+    # From a sky and restarts to it without these, or None; None if restarts share a measure.
     other_restarts: Callable | None = None
 
     def table(self, skies):
         """Rows of some skies, a DataFrame with the columns of the experiment, "seed" first.
 
-        What the cache holds is not computed again; observations that were made for it are deleted.
-
-        Raises
-        ------
-        InputError
-            No sky, or what the measure refuses.
+        What the cache holds is not computed again; observations that were made for it are deleted. InputError
+        for no sky, or what the measure refuses.
         """
         if not skies:
             raise InputError(f"the experiment {self.name} needs one sky or more, got none.")
@@ -107,12 +73,9 @@ class Experiment:
         return {_RESTARTS: int(min(each))} if len(each) else {}
 
     def frame(self, rows):
-        """A DataFrame of rows, dicts with a value for each column, whose types are checked.
+        """A DataFrame of rows, dicts with a value for each column.
 
-        Raises
-        ------
-        ValueError
-            Other columns, or a value of another type.
+        ValueError for other columns, or a value of another type.
         """
         types = {"seed": int, **self.columns}
         if any(row.keys() != types.keys() for row in rows):
@@ -124,21 +87,12 @@ class Experiment:
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """The table of an experiment, with its provenance.
-
-    Attributes
-    ----------
-    experiment
-        The `Experiment`.
-    rows
-        DataFrame with its columns.
-    about
-        {name: value}: the fields of a `Provenance`, and "code", the fingerprint of the measuring code;
-        "checked", {"code", "commit", "dirty"}, where a sky was measured again; "grown", commits of others.
-    """
+    """The table of an experiment, with its provenance."""
 
     experiment: Experiment
-    rows: pd.DataFrame
+    rows: pd.DataFrame  # with its columns
+    # {name: value}: the fields of a `Provenance`, and "code", the fingerprint of the measuring code;
+    # "checked", {"code", "commit", "dirty"}, where a sky was measured again; "grown", commits of others.
     about: Mapping
 
     @property
@@ -176,13 +130,7 @@ class Record:
 
     @classmethod
     def load(cls, experiment, path):
-        """The record of an experiment in a file that `save` wrote.
-
-        Raises
-        ------
-        InputError
-            No such file, or another kind of file.
-        """
+        """The record of an experiment in a file that `save` wrote; InputError for none, or another kind."""
         command = f"`himap measure {experiment.name}`"
         if not os.path.lexists(path):
             raise InputError(f"there is no record {path}; {command} writes it.")
@@ -203,19 +151,9 @@ class Record:
     def check(self, rows, about, *, drawn=np.False_):
         """This record, marked as confirmed by today's code, if that gives the same numbers of one sky.
 
-        Parameters
-        ----------
-        rows
-            Of that sky, measured again.
-        about
-            Their provenance, as of the record.
-        drawn
-            Which rows are single draws, whose numbers are not compared.
-
-        Raises
-        ------
-        InputError
-            The record was made with other parameters, or has other numbers of that sky.
+        `rows` are of that sky, measured again, and `about` is their provenance, as of the record; numbers of
+        rows that are single draws, `drawn`, are not compared. InputError if the record was made with other
+        parameters, or has other numbers of that sky.
         """
         self.check_parameters(about)
         seed = int(rows["seed"].iloc[0])
@@ -248,11 +186,8 @@ class Record:
     def missing(self, skies, about):
         """What of some skies the record does not have, a list: skies, and restarts of those that it has.
 
-        Raises
-        ------
-        InputError
-            It was made with other parameters or by other code than `about` says, or with another number of
-            restarts where one cannot be measured without the others.
+        InputError if it was made with other parameters or by other code than `about` says, or with another
+        number of restarts where one cannot be measured without the others.
         """
         self.check_parameters(about)
         if all(moved(code, about["code"]) for code in self.codes):
@@ -287,10 +222,7 @@ class Record:
     def check_parameters(self, about):
         """Refuse what was made, or would be, with other parameters than the record, but for the amounts.
 
-        Raises
-        ------
-        InputError
-            Which parameters differ.
+        InputError, which names them.
         """
         known = ["preset", "galaxy", "seed", *({"galaxy_files", _FIRST} & self.about.keys() & about.keys())]
         ours, theirs = (

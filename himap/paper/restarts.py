@@ -35,12 +35,9 @@ def members_of(table):
 def flag_rates(table):
     """How often each flag is right, a DataFrame by quantity.
 
-    Returns
-    -------
-    DataFrame
-        "hits" of "n_failed" members that failed, "false_alarms" of "n_sound" others; and "ranked", the
-        probability that a failed member has more of the quantity than one that did not fail, which needs no
-        threshold: 0.5 is that of a coin.
+    "hits" of "n_failed" members that failed, "false_alarms" of "n_sound" others; and "ranked", the
+    probability that a failed member has more of the quantity than one that did not fail, which needs no
+    threshold: 0.5 is that of a coin.
     """
     members, rows = members_of(table), {}
     failed = members["failed"].to_numpy()

@@ -20,27 +20,15 @@ from himap.store.provenance import Provenance
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """The observations of one sky; the fields are the parameters common to all notebooks.
-
-    Attributes
-    ----------
-    preset, overrides
-        Name of a preset, and the `Survey` fields that differ from it.
-    galaxy, template_dir, small_scales
-        Which Galaxy, as in `Galaxy`.
-    dimming
-        A `Dimming` of the foregrounds along the Galactic plane, or None.
-    n_restarts
-        Of a chaotic method; each of them is a method of its own, `members`.
-    """
+    """The observations of one sky; the fields are the parameters common to all notebooks."""
 
     preset: str = "quick"
-    overrides: dict = field(default_factory=dict)
-    galaxy: str = "synthetic"
+    overrides: dict = field(default_factory=dict)  # the `Survey` fields that differ from the preset
+    galaxy: str = "synthetic"  # this and the next two as in `Galaxy`
     template_dir: str | None = None
     small_scales: bool = True
-    dimming: Dimming | None = None
-    n_restarts: int = 1
+    dimming: Dimming | None = None  # of the foregrounds along the Galactic plane
+    n_restarts: int = 1  # of a chaotic method; each of them is a method of its own, `members`
 
     def __post_init__(self):
         whole_number("n_restarts", self.n_restarts, 1, 10_000)
@@ -61,13 +49,7 @@ class Study:
         return Galaxy(source=self.galaxy, template_dir=self.template_dir, small_scales=self.small_scales)
 
     def case(self, beam):
-        """The `Case` of one `Beam`.
-
-        Raises
-        ------
-        InputError
-            A survey field, a Galaxy or a beam that cannot be.
-        """
+        """The `Case` of one `Beam`; InputError for a survey field, a Galaxy or a beam that cannot be."""
         return pipeline.Case(survey=self.survey, galaxy=self.milky_way, beam=beam, dimming=self.dimming)
 
     def observed(self, beam):
@@ -141,10 +123,7 @@ class Study:
     def check(self, removers):
         """Refuse methods that do not fit the survey now, not after the simulation.
 
-        Raises
-        ------
-        InputError
-            As `ForegroundRemover.check`, or a beam that does not fit the survey.
+        InputError as of `ForegroundRemover.check`, or for a beam that does not fit.
         """
         for beam, methods in removers.items():
             self.case(beam)

@@ -74,75 +74,37 @@ REGISTRY = {}
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a claim.
+    """One part of a claim."""
 
-    Attributes
-    ----------
-    name
-        What it says, in a few words.
-    held
-        Whether it holds; None where its premise is absent, such as a peak to lower, which counts as False.
-    main
-        Whether it is what the paper's sentence is about: the verdict follows from the main parts.
-    method
-        Short name of the method that it is about, "PCA/ICA" for both; empty if it is about several or none.
-    """
-
-    name: str
-    held: bool | None
-    main: bool = True
-    method: str = ""
+    name: str  # what it says, in a few words
+    held: bool | None  # None where its premise is absent, such as a peak to lower, which counts as False
+    main: bool = True  # whether it is what the paper's sentence is about: the verdict follows from these
+    method: str = ""  # short name of the method that it is about, or "PCA/ICA"; empty if of several or none
 
 
 @dataclass(frozen=True)
 class Finding:
-    """The parts of a claim in one member: a sky, and a restart of SDecGMCA.
+    """The parts of a claim in one member: a sky, and a restart of SDecGMCA."""
 
-    Attributes
-    ----------
-    value
-        The measured number, NaN if it cannot be measured.
-    parts
-        Tuple of `Part`; none where the claim does not apply.
-    sentence
-        The numbers behind every part.
-    """
-
-    value: float
-    parts: tuple
-    sentence: str
+    value: float  # the measured number, NaN if it cannot be measured
+    parts: tuple  # of `Part`; none where the claim does not apply
+    sentence: str  # the numbers behind every part
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim of the paper.
-
-    Attributes
-    ----------
-    id, beam
-        As in the ledger.
-    section, figure
-        Of the paper; the figure is empty where it has none.
-    number, paper
-        What is measured, and what the paper gives for it, or the limit that its words are read as.
-    notebook
-        Where the companion shows it.
-    check
-        Function from `Realisation` to `Finding`.
-    statement, reading
-        What the paper claims, in our words, and how the words of the paper are read.
-    """
+    """One claim of the paper."""
 
     id: str
     beam: str
-    section: str
-    figure: str
-    number: str
-    paper: str
-    notebook: str
-    check: Callable
-    statement: str
-    reading: str
+    section: str  # of the paper
+    figure: str  # of the paper; empty where it has none
+    number: str  # what is measured
+    paper: str  # what the paper gives for it, or the limit that its words are read as
+    notebook: str  # where the companion shows it
+    check: Callable  # from `Realisation` to `Finding`
+    statement: str  # what the paper claims, in our words
+    reading: str  # how the words of the paper are read
 
 
 def claim(id, beam, section, figure, number, paper, *, notebook=""):

@@ -44,22 +44,11 @@ COLUMNS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A claim, and the findings on it in every member.
-
-    Attributes
-    ----------
-    claim
-        The `himap.paper.claims.base.Claim`.
-    members
-        DataFrame with the index (seed, restart), the first sky and start first, and the columns "value" and
-        "sentence".
-    shares
-        In what share of the members each part holds, the rows of the claim in `shares_of`.
-    """
+    """A claim, and the findings on it in every member."""
 
     claim: Claim
-    members: pd.DataFrame
-    shares: pd.DataFrame
+    members: pd.DataFrame  # "value" and "sentence" by (seed, restart), the first sky and start first
+    shares: pd.DataFrame  # in what share of the members each part holds, the rows of the claim in `shares_of`
 
     @cached_property
     def main_shares(self):
@@ -150,15 +139,8 @@ def finding_rows(findings, restart):
 def entries(rows):
     """The `Entry` of each claim in a table of findings, a list in the order of the paper.
 
-    Parameters
-    ----------
-    rows
-        DataFrame with the columns "seed" and `COLUMNS`.
-
-    Raises
-    ------
-    InputError
-        A claim that himap does not have.
+    `rows` is a DataFrame with the columns "seed" and `COLUMNS`. InputError for a claim that himap does not
+    have.
     """
     if unknown := sorted({*rows["claim"]} - CLAIMS.keys()):
         raise InputError(
@@ -177,18 +159,11 @@ def entries(rows):
 def shares_of(rows):
     """In what share of the members in which a claim applies each of its parts holds; skies weigh the same.
 
-    Parameters
-    ----------
-    rows
-        As of `entries`. A part that a member does not have does not hold there.
-
-    Returns
-    -------
-    DataFrame
-        Index (claim, part). Columns: "method" and "main", as of `Part`; "mean", the mean over skies of the
-        share of each sky's restarts; "low" and "high", the least and largest share of a sky, of one sky the
-        Wilson interval, 1 sigma, of its restarts, or of one draw where another method has none; "absent", the
-        share of the members in which the premise is absent; "holds": True, False, or None where undecided.
+    `rows` are as of `entries`; a part that a member does not have does not hold there. The DataFrame has the
+    index (claim, part) and the columns "method" and "main", as of `Part`; "mean", the mean over skies of the
+    share of each sky's restarts; "low" and "high", the least and largest share of a sky, of one sky the
+    Wilson interval, 1 sigma, of its restarts, or of one draw where another method has none; "absent", the
+    share of the members in which the premise is absent; "holds": True, False, or None where undecided.
     """
     judged, part = rows[rows["part"].notna()], ["claim", "part"]
     sizes = judged.groupby(["claim", "seed"])["restart"].nunique().rename("size").reset_index()

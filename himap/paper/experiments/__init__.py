@@ -23,13 +23,7 @@ EXPERIMENTS = (
 
 
 def find_experiment(name):
-    """The `himap.paper.record.Experiment` of that name.
-
-    Raises
-    ------
-    InputError
-        There is none; the message lists what exists.
-    """
+    """The `himap.paper.record.Experiment` of that name; InputError, which lists all, if there is none."""
     if name not in EXPERIMENTS:
         raise InputError(f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}.")
     return import_module(f"{__name__}.{name}").EXPERIMENT

@@ -86,15 +86,8 @@ def first_mixings(case, remover, n_iterations=N_ITERATIONS):
 def growth(mixings, plain=None):
     """Condition number of A by iteration, and the angle from the columns of another run.
 
-    Parameters
-    ----------
-    mixings, plain
-        A after each iteration, (n, n_channels, n_sources); of the other run, or None.
-
-    Returns
-    -------
-    dict
-        {"condition": {iteration: number}, "angle": {iteration: sine of the largest angle}}.
+    `mixings` are A after each iteration, (n, n_channels, n_sources), and `plain` those of the other run, or
+    None. Returns {"condition": {iteration: number}, "angle": {iteration: sine of the largest angle}}.
     """
     curves = {"condition": dict(enumerate(np.linalg.cond(mixings)))}
     if plain is not None:

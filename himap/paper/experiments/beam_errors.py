@@ -55,10 +55,7 @@ _ERRORS = {
 def assumed_beam(beam, kind, error):
     """The `Beam` that a method assumes where `kind` of `beam` is wrong by `error`.
 
-    Raises
-    ------
-    InputError
-        An unknown kind, an error that is no number, or a ripple where the beam has none.
+    InputError for an unknown kind, an error that is no number, or a ripple where the beam has none.
     """
     if kind == "beam":
         return named(error)
@@ -148,13 +145,9 @@ def worst_excess(table):
 def tolerated(table, limit=0.01):
     """The error of each kind up to which the largest excess is at most `limit` more than with the exact beam.
 
-    Between the errors that were tried it is interpolated in the logarithms; beyond the largest it is that.
-    Of an error of both signs the worse counts.
-
-    Returns
-    -------
-    dict
-        {(method, n_sources, kind): error}, NaN where the least error that was tried is too large.
+    {(method, n_sources, kind): error}. Between the errors that were tried it is interpolated in the
+    logarithms; beyond the largest it is that; it is NaN where the least is too large. Of an error of both
+    signs the worse counts.
     """
     excess, curves = worst_excess(table), {}
     for (*method, kind, error), value in excess.items():

@@ -40,10 +40,7 @@ _LEAST_CHANNELS = 8  # that the fits of the peaks take
 def skies(*, n_realisations=1, **settings):
     """A list of `pipeline.Case`, each with a seed of its own; settings as of `cases_of`.
 
-    Raises
-    ------
-    InputError
-        A box of which half or twice as many cells along a side are none, or too few channels.
+    InputError for a box of which half or twice as many cells along a side are none, or too few channels.
     """
     cases = cases_of(Degraded(), n_realisations=n_realisations, **settings)
     n_cells, n_channels = cases[0].survey.box_cells, cases[0].survey.n_channels
@@ -100,10 +97,7 @@ def measure(case):
 def table_of(rows):
     """A DataFrame of texts: a column for each box, spectra relative to those of the largest.
 
-    Parameters
-    ----------
-    rows
-        DataFrame with "seed" and `COLUMNS`; over skies it is the median.
+    `rows` is a DataFrame with "seed" and `COLUMNS`; over skies it is the median.
     """
     by_box = rows.pivot_table("value", ["quantity", "band", "channels"], "box_cells", "median", sort=False)
     largest = by_box.iloc[:, -1]

@@ -26,13 +26,7 @@ _ON_PEAKS = ("B1", "B2", "B3")
 
 @dataclass(frozen=True)
 class JudgedSky:
-    """One sky on which claims are judged.
-
-    Attributes
-    ----------
-    realisations
-        {reading of SDecGMCA: list of the `Realisation` of each restart}.
-    """
+    """One sky to judge claims on, {reading of SDecGMCA: list of the `Realisation` of each restart}."""
 
     realisations: dict
 

@@ -38,13 +38,8 @@ def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
     """A list of `Sky` with a case for each name of a beam; settings as of `cases_and_methods`.
 
     `methods` are pairs (name, number of sources), the number a list where it differs from beam to beam; those
-    named in `corrected` are corrected too, by so many mocks.
-
-    Raises
-    ------
-    InputError
-        A number is missing, a method that is not there is to be corrected, or what `cases_and_methods`
-        refuses.
+    named in `corrected` are corrected too, by so many mocks. InputError if a number is missing, a method that
+    is not there is to be corrected, or what `cases_and_methods` refuses.
     """
     whole_number("n_mocks", n_mocks, 1, 1000)
     are_names = isinstance(beams, list | tuple) and all(isinstance(beam, str) for beam in beams)
@@ -141,13 +136,9 @@ def in_bands(table):
 def distances(tables):
     """How far the median over skies of the worst of the `JUDGED` bands is from 1; signed.
 
-    Of some tables of the experiment, such as one for each Galaxy, it is that where the distance is most. Not
-    the mean, which a single failed run of a chaotic method decides.
-
-    Returns
-    -------
-    dict
-        {(beam, method, n_sources, corrected): distance}, below 0 where power is missing.
+    {(beam, method, n_sources, corrected): distance}, below 0 where power is missing. Of some tables of the
+    experiment, such as one for each Galaxy, it is that where the distance is most. Not the mean, which a
+    single failed run of a chaotic method decides.
     """
     medians = pd.concat([in_bands(table).groupby([*METHOD, "band"], sort=False).median() for table in tables])
     judged = medians[medians.index.get_level_values("band").isin(JUDGED)] - 1
@@ -157,12 +148,8 @@ def distances(tables):
 def failures(tables):
     """On how many skies each method fails: |C/C0 - 1| at 10 < l < 200 is more than `FAILING` in the mean.
 
-    Of all skies of some tables of the experiment, uncorrected; from the mean C/C0 in each bin.
-
-    Returns
-    -------
-    dict
-        {(beam, method, n_sources): number of skies}.
+    {(beam, method, n_sources): number of skies}, of all skies of some tables of the experiment, uncorrected;
+    from the mean C/C0 in each bin.
     """
     rows = pd.concat([table.assign(table=n) for n, table in enumerate(tables)])
     degree = middles(rows)

@@ -44,12 +44,8 @@ def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
     """A list of `Sky`, with a case for each beam and noise, and each method with 1 to n_sources_max sources.
 
     Beams and methods are names, noises factors on the noise, the first of them 1; settings are as of
-    `cases_and_methods`.
-
-    Raises
-    ------
-    InputError
-        A number outside its range, no beam, noise or method, or what a method or `cases_and_methods` refuses.
+    `cases_and_methods`. InputError for a number outside its range, no beam, noise or method, or what a method
+    or `cases_and_methods` refuses.
     """
     whole_number("n_mocks", n_mocks, 1, 1000)
     whole_number("n_sources_max", n_sources_max, 2, 100)

@@ -76,14 +76,9 @@ def claim_rows(member):
 
 
 def member_rows(call, *, masks=False):
-    """The columns quantity, x and value of SDecGMCA, a list of dicts.
+    """The columns quantity, x and value of SDecGMCA, a list of dicts; `call` as of `cleaned.assessment`.
 
-    Parameters
-    ----------
-    call
-        Arguments of `cleaned.assessment`.
-    masks
-        Whether curves without the flagged lines of sight, correlation and variance are wanted too.
+    With `masks` there are curves without the flagged lines of sight, and the correlation, too.
     """
     result, comparison = cleaned.assessment(*call), cleaned.compared(*call)
     k = comparison.k
