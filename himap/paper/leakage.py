@@ -29,12 +29,6 @@ def split_error(case, remover, mask_peaks=True):
     that ends at some l, all is up to that l. Arguments as of `cleaned.separation`, of a method with a number
     of sources.
     """
-    error, hi_lost = _error_and_loss(case, remover, mask_peaks)
-    return error + hi_lost, hi_lost
-
-
-def _error_and_loss(case, remover, mask_peaks):
-    """`cleaned.error`, and the part of it that is HI lost."""
     found = cleaned.separation(case, remover, mask_peaks)
     signal = case, mask_peaks, found.lmax
     project = partial(projection, maps=pipeline.signal(*signal))
@@ -48,7 +42,7 @@ def _error_and_loss(case, remover, mask_peaks):
     else:
         basis = np.linalg.qr(found.mixing)[0]
         hi_lost = LowRankCube(spectra=basis, maps=project(basis.T))
-    return cleaned.error(case, remover, mask_peaks), hi_lost
+    return cleaned.error(case, remover, mask_peaks) + hi_lost, hi_lost
 
 
 @product
@@ -59,17 +53,18 @@ def error_parts(case, remover, mask_peaks=True):
     lines of sight of `flagged_lines`, on the others and on all. Arguments as of `split_error`.
     """
     flagged = flagged_lines(cleaned.assessment(case, remover, mask_peaks).line_errors)
-    error, hi_lost = _error_and_loss(case, remover, mask_peaks)
-    left, products = error + hi_lost, {"flagged": 0.0, "all": 0.0}
+    residual, hi_lost = split_error(case, remover, mask_peaks)
+    products = {"flagged": 0.0, "all": 0.0}
     for block in blocks(len(flagged)):
-        maps, some = left.maps[:, block], left.maps[:, block][:, flagged[block]]
+        maps, some = residual.maps[:, block], residual.maps[:, block][:, flagged[block]]
         products["all"] += maps @ maps.T
         products["flagged"] += some @ some.T
     products["others"] = products["all"] - products["flagged"]
     n_lines = {"flagged": flagged.sum(), "others": np.sum(~flagged), "all": len(flagged)}
-    of_error = np.arange(left.spectra.shape[1]) < error.spectra.shape[1]
+    n_spectra = residual.spectra.shape[1]
+    of_error = np.arange(n_spectra) < n_spectra - hi_lost.spectra.shape[1]  # the others are of the loss
     parts = {"foreground residual": 1, "signal loss": ~of_error, "error": of_error}
-    spectra = {name: left.spectra * columns for name, columns in parts.items()}
+    spectra = {name: residual.spectra * columns for name, columns in parts.items()}
     return {
         name: {place: np.sum(one @ products[place] * one, axis=1) / n for place, n in n_lines.items()}
         for name, one in spectra.items()
