@@ -117,20 +117,19 @@ def middles(table):
     return table["step"] * (table["low"] + table["high"]) / 2
 
 
-def widths(table):
-    """Widths of the bins in steps, a Series."""
-    return table["high"] - table["low"] + 1
+def _means(table, columns):
+    """Means of the column "ratio" over bins, weighted by their widths, a Series by some columns."""
+    weight = table["high"] - table["low"] + 1
+    weighted = table.assign(ratio=weight * table["ratio"], weight=weight)
+    sums = weighted.groupby(columns, sort=False)[["ratio", "weight"]].sum()
+    return (sums["ratio"] / sums["weight"]).rename("ratio")
 
 
 def in_bands(table):
     """Means of the ratio over `himap.measures.diagnostics.bands`: a Series by `METHOD`, band and seed."""
-    ends, weight = table["high"] * table["step"], widths(table)
+    ends = table["high"] * table["step"]
     inside = [(table["kind"] == kind) & (ends > low) & (ends < high) for kind, low, high in BANDS.values()]
-    weighted = table.assign(
-        band=np.select(inside, [*BANDS], default=""), weight=weight, weighted=weight * table["ratio"]
-    )
-    sums = weighted.groupby([*METHOD, "band", "seed"], sort=False)[["weighted", "weight"]].sum()
-    return (sums["weighted"] / sums["weight"]).rename("ratio")
+    return _means(table.assign(band=np.select(inside, [*BANDS], default="")), [*METHOD, "band", "seed"])
 
 
 def distances(tables):
@@ -154,10 +153,8 @@ def failures(tables):
     rows = pd.concat([table.assign(table=n) for n, table in enumerate(tables)])
     degree = middles(rows)
     rows = rows[(rows["kind"] == "angular") & (degree > 10) & (degree < 200)]
-    weight = widths(rows)
-    weighed = rows.assign(error=weight * (rows["ratio"] - 1).abs(), weight=weight)
-    sums = weighed.groupby([*METHOD, "table", "seed"], sort=False)[["error", "weight"]].sum()
-    failed = (sums["error"] / sums["weight"] > FAILING).groupby(METHOD, sort=False).sum()
+    errors = _means(rows.assign(ratio=(rows["ratio"] - 1).abs()), [*METHOD, "table", "seed"])
+    failed = (errors > FAILING).groupby(METHOD, sort=False).sum()
     return {key[:3]: int(n) for key, n in failed.items() if not key[3]}
 
 
