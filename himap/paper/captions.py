@@ -39,14 +39,12 @@ def in_short(method, nside, n_restarts=1):
     text += f", with {_few(silent)}" if silent else ""
     end = "up to" if method.beyond == "cut" else "continued beyond"
     caption = f"SDecGMCA: reading “{method.reading}” ({text}), {end} ℓ = {min(method.lmax, 2 * nside)}"
-    return caption if n_restarts == 1 else f"{caption}; {_of_restarts(n_restarts, nside)}"
-
-
-def _of_restarts(n, nside):
-    end = "< 200" if 2 * nside >= 200 else f"≤ {2 * nside}"
+    if n_restarts == 1:
+        return caption
+    top = "< 200" if 2 * nside >= 200 else f"≤ {2 * nside}"
     return (
-        f"median, 16–84 % band and, thin, each of {n} restarts; a restart fails if its mean "
-        f"|C/C0 - 1| at 10 < ℓ {end} exceeds {100 * FAILING:g} %"
+        f"{caption}; median, 16–84 % band and, thin, each of {n_restarts} restarts; a restart fails if its "
+        f"mean |C/C0 - 1| at 10 < ℓ {top} exceeds {100 * FAILING:g} %"
     )
 
 
