@@ -24,38 +24,27 @@ import numpy as np
 from himap import removal
 from himap.core.survey import Survey
 from himap.instrument import beams
-from himap.instrument.beams import Degraded, FromFile, Oscillating, PerturbedBeam, Rippled
 from himap.paper import choice, cleaned, evidence, leakage, masked, mocks, pipeline
 from himap.paper.experiments import EXPERIMENTS, authors, beam_errors, claims, find_experiment, measuring_code
 from himap.paper.grid import Sky
 from himap.paper.realisation import Realisation
-from himap.removal import (
-    GMCA,
-    PCA,
-    BeamSubspace,
-    FastICA,
-    GaussianProcess,
-    Parametric,
-    Polynomial,
-    SDecGMCA,
-    SmoothSpectra,
-)
 from himap.sky.galaxy import Dimming, Galaxy
 from himap.store.store import describe
 
 SURVEY = Survey(nside=16, n_channels=24, box_cells=16)
 FINE = Survey(nside=64, n_channels=12, box_cells=16)
-CASE = pipeline.Case(survey=SURVEY, galaxy=Galaxy(source="synthetic"), beam=Oscillating())
-SMOOTHED = replace(CASE, beam=Degraded())
+CASE = pipeline.Case(survey=SURVEY, galaxy=Galaxy(source="synthetic"), beam=beams.Oscillating())
+SMOOTHED = replace(CASE, beam=beams.Degraded())
 FINE_CASE = replace(CASE, survey=FINE)
 TAPERED = replace(CASE, survey=replace(SURVEY, taper="hann"))
 RIPPLE_CASE = replace(CASE, survey=replace(SURVEY, n_channels=64))  # its k hold the ripple
 REGION = masked.Region(latitude=20.0)
-PLAIN = PCA(n_sources=3)
-AWARE = BeamSubspace(n_sources=3, lmax=32)
+PLAIN = removal.PCA(n_sources=3)
+AWARE = removal.BeamSubspace(n_sources=3, lmax=32)
 ONE_ITERATION = {"n_sources": 3, "lmax": 32, "n_scales": 3, "n_warmup": 1, "n_refinement": 1}
 ONCE = ONE_ITERATION | {"warmup_tolerance": 1e30, "tolerance": 1e30}
-ONE_STEP = SDecGMCA(**ONCE, beyond="cut")
+ONE_STEP = removal.SDecGMCA(**ONCE, beyond="cut")
+RIPPLED = beams.Rippled()
 MOCKS = (mocks.Mock(seed=7), mocks.Mock(seed=8))
 REALISATION = Realisation(
     survey=RIPPLE_CASE.survey, galaxy=CASE.galaxy, n_sources=(2, 3), options=tuple(ONCE.items())
@@ -79,14 +68,14 @@ _PRODUCTS = {
     pipeline.foreground_seen: [(CASE,)],
     pipeline.foreground_analysed: [(CASE,)],
     pipeline.true_spectra: [(CASE,), (SMOOTHED,), (TAPERED,)],
-    cleaned.fit: [(CASE, SDecGMCA(**ONCE).iteration)],
+    cleaned.fit: [(CASE, removal.SDecGMCA(**ONCE).iteration)],
     cleaned.separation: [(CASE, PLAIN), (CASE, PLAIN, False), (CASE, AWARE)],
-    cleaned.assessment: [(CASE, PLAIN), (CASE, AWARE), (TAPERED, Polynomial(variable="logarithm"))],
+    cleaned.assessment: [(CASE, PLAIN), (CASE, AWARE), (TAPERED, removal.Polynomial(variable="logarithm"))],
     cleaned.post_masked: [(CASE, PLAIN)],
     evidence.sky_brightness: [(SURVEY.sky, CASE.galaxy)],
     evidence.masked_voxels: [(CASE,)],
     evidence.noise_and_hi: [(CASE,), (SMOOTHED,)],
-    evidence.spectra_without_sources: [(SMOOTHED, Parametric())],
+    evidence.spectra_without_sources: [(SMOOTHED, removal.Parametric())],
     evidence.dimmed_spectra: [(CASE, PLAIN, Dimming())],
     evidence.error_of_flagged_lines: [(CASE, PLAIN)],
     evidence.peak_without_lines: [(CASE, PLAIN)],
@@ -104,16 +93,16 @@ _PRODUCTS = {
     masked.compared: [(CASE, PLAIN, REGION, way) for way in masked.WAYS],
     masked.by_depth: [(CASE, PLAIN, REGION, "inside")],
     leakage.error_parts: [(CASE, PLAIN)],
-    leakage.decompose: [(CASE, PLAIN), (CASE, SmoothSpectra())],
-    leakage.expected_loss: [(CASE, SmoothSpectra())],
-    authors.member: [(RIPPLE_CASE, SDecGMCA(**ONCE, beyond="cut"))],
-    authors.first_mixings: [(CASE, SDecGMCA(**ONCE), 1)],
-    beam_errors.recovery_assuming: [(CASE, PLAIN, Rippled()), (CASE, AWARE, Rippled())],
+    leakage.decompose: [(CASE, PLAIN), (CASE, removal.SmoothSpectra())],
+    leakage.expected_loss: [(CASE, removal.SmoothSpectra())],
+    authors.member: [(RIPPLE_CASE, ONE_STEP)],
+    authors.first_mixings: [(CASE, removal.SDecGMCA(**ONCE), 1)],
+    beam_errors.recovery_assuming: [(CASE, PLAIN, RIPPLED), (CASE, AWARE, RIPPLED)],
 }
 _EXPERIMENTS = {
     "authors": (Sky(methods={RIPPLE_CASE: [ONE_STEP, replace(ONE_STEP, restart=1)]}), {}),
     "beam_errors": (
-        Sky(methods={CASE: [PLAIN, AWARE]}, beams={("width", 0.0): CASE.beam, ("ripple", 0.1): Rippled()}),
+        Sky(methods={CASE: [PLAIN, AWARE]}, beams={("width", 0.0): CASE.beam, ("ripple", 0.1): RIPPLED}),
         {"methods": [("pca", 3)]},
     ),
     "boxes": (SMOOTHED, {}),
@@ -132,11 +121,12 @@ _EXPERIMENTS = {
 
 _CHOSEN_METHODS = (
     PLAIN,
-    FastICA(n_sources=3),
-    GMCA(n_sources=3, n_scales=3),
+    removal.FastICA(n_sources=3),
+    removal.GMCA(n_sources=3, n_scales=3),
     AWARE,
-    SDecGMCA(**ONCE),
-    GaussianProcess(shortest=400.0, longest_hi=2.0),  # bounds in which its search ends alike everywhere
+    removal.SDecGMCA(**ONCE),
+    # Bounds in which its search ends alike everywhere.
+    removal.GaussianProcess(shortest=400.0, longest_hi=2.0),
 )
 
 
@@ -185,15 +175,15 @@ def _beam_of_file():
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "widths.txt")
         np.savetxt(path, np.linspace(1.6, 1.1, SURVEY.n_channels))
-        return FromFile(path=str(path)).of_survey(SURVEY)
+        return beams.FromFile(path=str(path)).of_survey(SURVEY)
 
 
 _METHODS = {name: removal.create(name) for name in removal.available()}
 _METHODS |= {method.name: method for method in _CHOSEN_METHODS}
-_PERTURBED = PerturbedBeam(width=0.1, ripple=0.1)
-_NAMES = [name for name in beams.available() if name != FromFile.name]
+_PERTURBED = beams.PerturbedBeam(width=0.1, ripple=0.1)
+_NAMES = [name for name in beams.available() if name != beams.FromFile.name]
 _BEAMS = {name: partial(beams.create(name).of_survey, SURVEY) for name in _NAMES}
-_BEAMS |= {FromFile.name: _beam_of_file, _PERTURBED.name: partial(_PERTURBED.of_survey, SURVEY)}
+_BEAMS |= {beams.FromFile.name: _beam_of_file, _PERTURBED.name: partial(_PERTURBED.of_survey, SURVEY)}
 
 
 def _skies_of(name, parameters):

@@ -6,13 +6,7 @@ import pandas as pd
 
 from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
 from himap.paper.ensembles import failures
-from himap.paper.readings import (
-    BANDS,
-    candidates,
-    ranked_candidates,
-    readings,
-    shares_first,
-)
+from himap.paper.readings import BANDS, candidates, ranked_candidates, readings, shares_first
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "does not apply"

@@ -9,17 +9,8 @@ import pandas as pd
 from scipy.stats import binomtest, norm
 
 from himap.core.errors import InputError
-from himap.paper.claims import CLAIMS
-from himap.paper.claims.base import (
-    FAILED,
-    IN_PART,
-    INAPPLICABLE,
-    PLACE,
-    REPRODUCED,
-    UNDECIDED,
-    Claim,
-    all_hold,
-)
+from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED, UNDECIDED
+from himap.paper.claims.base import PLACE, Claim, all_hold
 
 HOLDS = 0.84
 """Share of the members from which a part holds."""
