@@ -99,16 +99,9 @@ def cause(entry, others):
 
 
 class LedgerTable:
-    """To end a notebook cell with: the ledger, grouped by section of the paper.
+    """To end a notebook cell with: the ledger, a list of `Entry`, grouped by section of the paper.
 
-    Parameters
-    ----------
-    entries
-        A list of `himap.paper.claims.entries.Entry`.
-    links
-        {notebook: {figure of the paper: name of the figure in the book}}, for links from claims to figures.
-    others
-        As of `cause`.
+    `links` are {notebook: {figure of the paper: name of the figure in the book}}, and `others` as of `cause`.
     """
 
     def __init__(self, entries, links=None, others=None):

@@ -28,35 +28,19 @@ STRATEGIES = {"matrix": 3, "spectrum": 4}
 class Realisation:
     """One sky, observed through the three beams and with the Galactic plane dimmed, and cleaned by all.
 
-    Attributes
-    ----------
-    survey, galaxy
-        As in `pipeline.Case`.
-    oscillating
-        The oscillating beam, or another in its place.
-    dimming
-        Of the dimmed case.
-    n_sources
-        Numbers of sources of the scan.
-    method, options
-        The method in the place of SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`, and pairs (name,
-        value) of its options that differ from their defaults. In the claims its name is "sdecgmca".
-    restart
-        Which start of this method, 0 or more; where it has no field `restart` there is only 0.
-    average
-        Of C_l over channels, one of `diagnostics.AVERAGES`.
-    polynomial
-        Variable of the polynomial fit, as of `himap.removal.Polynomial`.
+    The methods are those of the paper; another may take the place of SDecGMCA, and in the claims its name is
+    "sdecgmca" then, too.
     """
 
     survey: Survey = field(default_factory=Survey)
     galaxy: Galaxy = field(default_factory=Galaxy)
-    oscillating: Beam = field(default_factory=Oscillating)
-    dimming: Dimming = field(default_factory=Dimming)
-    n_sources: tuple = tuple(range(2, 21))
-    method: str = "sdecgmca"
-    options: tuple = ()
-    restart: int = 0
+    oscillating: Beam = field(default_factory=Oscillating)  # or another in its place
+    dimming: Dimming = field(default_factory=Dimming)  # of the dimmed case
+    n_sources: tuple = tuple(range(2, 21))  # of the scan
+    method: str = "sdecgmca"  # in the place of SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`
+    options: tuple = ()  # of that method, pairs (name, value) of those that differ from their defaults
+    restart: int = 0  # start of that method; where it has no field `restart` there is only 0
+    # One of `diagnostics.AVERAGES`, and of the variables of `himap.removal.Polynomial`.
     average: str = parameter("means", "of C_l over channels", off="means")
     polynomial: str = parameter("temperature", "variable of the polynomial fit", off="temperature")
 
