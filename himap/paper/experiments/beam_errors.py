@@ -30,16 +30,13 @@ KINDS = {
 COLUMNS = {
     "method": str,
     "n_sources": int,  # 0 of a method that has none
-    "kind": str,
-    "error": (float, str),
+    "kind": str,  # of the error (`KINDS`), or "none" of a method that does not use the beam
+    "error": (float, str),  # its size, of "beam" the name of the assumed one; 0 of "none"
     "band": str,
-    "ratio": float,
-    "recovered": float,
-    "excess": float,
+    "ratio": float,  # C/C0 or P/P0, the mean over the band, as are the next two
+    "recovered": float,  # its part that is correlated with the truth
+    "excess": float,  # the rest, which is mostly foreground residual
 }
-"""Kind of the error (`KINDS`) and its size, of "beam" the name of the assumed one; "none" and 0 of a method
-that does not use the beam. Then means over a band: of C/C0 or P/P0, of its part that is correlated with the
-truth, and of the rest, which is mostly foreground residual."""
 
 _METHOD = ["method", "n_sources", "kind", "error"]
 

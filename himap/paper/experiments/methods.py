@@ -17,16 +17,13 @@ COLUMNS = {
     "beam": str,
     "method": str,
     "n_sources": int,  # 0 of a method that has none
-    "corrected": bool,
-    "kind": str,
-    "low": int,
+    "corrected": bool,  # whether the power is divided by the transfer function (of cross power)
+    "kind": str,  # "angular", C/C0, or "frequency", P/P0
+    "low": int,  # the first and last element of a bin, in steps of the axis
     "high": int,
-    "step": float,
-    "ratio": float,
+    "step": float,  # 1 for l, and the distance of two k, 1/MHz
+    "ratio": float,  # to the truth, the mean over the bin
 }
-"""Whether the power is divided by the transfer function (of cross power); "angular", C/C0, or "frequency",
-P/P0; the first and last element of a bin, in steps of the axis, 1 for l and the distance of two k, 1/MHz; and
-the mean over the bin of the ratio to the truth."""
 
 METHOD = ["beam", "method", "n_sources", "corrected"]
 """Columns that tell curves of one kind apart."""

@@ -27,17 +27,16 @@ CRITERIA = {
 
 COLUMNS = {
     "beam": str,
-    "noise": float,
+    "noise": float,  # factor on that of the instrument
     "method": str,
-    "criterion": str,
-    "recommended": int,
-    "best": int,
+    "criterion": str,  # one of `CRITERIA`
+    "recommended": int,  # the number of sources that it recommends, 0 for none
+    "best": int,  # the one whose spectra are nearest to the truth
+    # How far the worst band of C/C0 (10 <= l < 100) and P/P0 (k > 0.03) is from 1 with either: the former NaN
+    # where that number was not tried.
     "bias": float,
     "least_bias": float,
 }
-"""Factor on the noise of the instrument; one of `CRITERIA`; the number of sources that it recommends, 0 for
-none, and the one whose spectra are nearest to the truth; and how far the worst band of C/C0 (10 <= l < 100)
-and P/P0 (k > 0.03) is from 1 with either, the former NaN where that number was not tried."""
 
 
 def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
