@@ -28,19 +28,22 @@ STRATEGIES = {"matrix": 3, "spectrum": 4}
 class Realisation:
     """One sky, observed through the three beams and with the Galactic plane dimmed, and cleaned by all.
 
-    The methods are those of the paper; another may take the place of SDecGMCA, and in the claims its name is
-    "sdecgmca" then, too.
+    Survey, Galaxy and `Dimming` are those of `pipeline.Case`, the last of the dimmed case alone;
+    `oscillating` is that beam, or another in its place, and `n_sources` are the numbers of sources of the
+    scan. `method`, a name in `himap.paper.methods.BEAM_AWARE`, takes the place of SDecGMCA, and its name in
+    the claims; `options` are pairs (name, value) of those that differ from its defaults, and `restart` is the
+    number of its start, 0 for a method without restarts. `average` is that of C_l over channels, one of
+    `diagnostics.AVERAGES`, and `polynomial` the variable of that fit, as of `himap.removal.Polynomial`.
     """
 
     survey: Survey = field(default_factory=Survey)
     galaxy: Galaxy = field(default_factory=Galaxy)
-    oscillating: Beam = field(default_factory=Oscillating)  # or another in its place
-    dimming: Dimming = field(default_factory=Dimming)  # of the dimmed case
-    n_sources: tuple = tuple(range(2, 21))  # of the scan
-    method: str = "sdecgmca"  # in the place of SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`
-    options: tuple = ()  # of that method, pairs (name, value) of those that differ from their defaults
-    restart: int = 0  # start of that method; where it has no field `restart` there is only 0
-    # One of `diagnostics.AVERAGES`, and of the variables of `himap.removal.Polynomial`.
+    oscillating: Beam = field(default_factory=Oscillating)
+    dimming: Dimming = field(default_factory=Dimming)
+    n_sources: tuple = tuple(range(2, 21))
+    method: str = "sdecgmca"
+    options: tuple = ()
+    restart: int = 0
     average: str = parameter("means", "of C_l over channels", off="means")
     polynomial: str = parameter("temperature", "variable of the polynomial fit", off="temperature")
 
