@@ -58,8 +58,8 @@ class Galaxy:
             raise InputError(f"small_scales must be True or False, got {self.small_scales!r}.")
         if self.source == "synthetic" and not self.small_scales:
             raise InputError(
-                "small_scales=False is for templates; the synthetic Galaxy has small scales at any nside: leave "
-                "it out, or choose the Galaxy 'templates'."
+                "small_scales=False is for templates; the synthetic Galaxy has small scales at any nside: "
+                "leave it out, or choose the Galaxy 'templates'."
             )
         if self.source == "templates":
             if not isinstance(self.template_dir, (str, os.PathLike)):
