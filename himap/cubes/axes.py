@@ -11,7 +11,7 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.core.reading import format_of
 from himap.core.survey import FREQ_21CM
-from himap.cubes.layout import is_seen
+from himap.cubes.layout import is_seen, listed
 from himap.maps.healpix_io import agreed, freq_in_header, freqs_in
 from himap.maps.sphere import sphere_sizes
 
@@ -27,16 +27,12 @@ _AXES = {
 
 _DIGITS = re.compile(r"([0-9]+)")
 _DECIMALS = re.compile(r"([0-9]+(?:[.,p][0-9]+)?)")
-_LISTED = 10  # files in a message
 _IN_NAMES = (1.0, 1e3, 1e-3, 1e-6)  # MHz in what names may be in: MHz, GHz, kHz, Hz
 _SHARE = 0.6  # of a channel, that a number in a name may be from its centre: names may have its edge
 
 
 def named_axes(axes, names):
-    """`axes` of an array in the order of numpy, such as "ra,dec,freq", as a list of `names`, once each.
-
-    These are of "freq", "lat", "lon" and "pixel"; an InputError where others are given.
-    """
+    """`axes` of an array in the order of numpy, such as "ra,dec,freq", as a list of `names`, once each."""
     words = [_AXES.get(word.strip().lower()) for word in str(axes).split(",")]
     if sorted(map(str, words)) != sorted(names):
         like = "freq,pixel" if "pixel" in names else "ra,dec,freq"
@@ -61,11 +57,10 @@ def pixel_axis(shape, axes=None):
 
 
 def remark_on_axes(maps, pixels):
-    """A sentence on channels, (n_channels, n_pix) of images, that look like a line of the sky.
+    """A sentence on channels (n_channels, n_pix) of images that look like a line of the sky, if they do.
 
-    Foregrounds change smoothly with frequency, but for a gain that all lines of sight have: what a parabola
-    times their mean leaves is larger along the axes of the sky. Of 48 places along each axis. Which of the
-    axes of the sky is which then is not known.
+    Foregrounds change smoothly with frequency but for a gain that all lines of sight have: what a parabola
+    times their mean leaves is larger along the axes of the sky. Of 48 places along each axis.
     """
     cube = maps.reshape(-1, *pixels.shape)
     cube = cube[tuple(slice(None, None, -(-n // 48)) for n in cube.shape)].astype(float)
@@ -79,19 +74,15 @@ def remark_on_axes(maps, pixels):
     orders = [[*sky[:place], "freq", *sky[place:]] for sky in (["ra", "dec"], ["dec", "ra"])]
     return (
         f"The channels are less alike than the lines along the {('first', 'second', 'last')[place]} axis of "
-        "the array in numpy, as of an array that is not turned round for its header: if frequencies are "
-        f"there, give --axes {' or '.join(map(','.join, orders))}.",
+        f"the array in numpy: if frequencies are there, give --axes {' or '.join(map(','.join, orders))}.",
     )
 
 
 def _roughness(lines):
-    """Share of the power of lines (n, n_lines) that their mean times a parabola leaves; 1 of too few places.
-
-    Of the lines that are seen wherever any is.
-    """
+    """Share of the power of lines (n, n_lines) that their mean times a parabola leaves; 1 of few places."""
     seen = is_seen(lines)
     some = seen.any(axis=1)
-    lines = lines[some][:, seen[some].all(axis=0)]
+    lines = lines[some][:, seen[some].all(axis=0)]  # those that are seen wherever any is
     if len(lines) <= 2 * _N_FITTED or not lines.any():
         return 1.0
     mean = np.linalg.eigh(lines @ lines.T)[1][:, -1]
@@ -126,9 +117,7 @@ def fits_in(folder):
         raise InputError(f"the folder {folder} holds no FITS file.")
     paths.sort(key=lambda path: (_numbers_in(path.name), _numbers_in(path.name, _DIGITS)))
     others = [path.name for path in entries if path not in paths]
-    more = ", ..." if len(others) > _LISTED else ""
-    listing = f"{', '.join(others[:_LISTED])}{more}"
-    return paths, [f"{len(others)} more in the folder, no maps, left out: {listing}."] if others else []
+    return paths, [f"{len(others)} more in the folder, no maps, left out: {listed(others)}."] * bool(others)
 
 
 def _numbers_in(name, pattern=_DECIMALS):
@@ -140,9 +129,9 @@ def _numbers_in(name, pattern=_DECIMALS):
 def check_names(names, freqs):
     """Refuse frequencies (n,), MHz, that are given to files in another order than their names have.
 
-    Names that have a number each near the frequencies, in any unit of these or as redshifts, must have that
-    of their own; names whose order depends on how decimals are written, or on which of several numbers
-    counts, must have such numbers.
+    Numbers in names that are near the frequencies, in any unit or as redshifts, must be those of their own
+    files. Without such numbers the order of names must not depend on how decimals are written, or on which of
+    several numbers counts.
     """
     split = [_numbers_in(name) for name in names]
     alike = len({tuple(parts[::2]) for parts in split}) == 1
@@ -169,12 +158,12 @@ def check_names(names, freqs):
             raise InputError(
                 f"the order of the files is {', '.join(names[:3])}, ... by the first number in their names "
                 f"and {', '.join(order[:3])}, ... by another, or if it is no decimal: rename the files so "
-                "that the first number that differs has as many digits in all names and is the only one."
+                "that only one number differs, and has as many digits in all names."
             )
 
 
 def stated_freqs(names, called, headers=None):
-    """What a `Layout` has of frequencies, a dict: in all names, or headers of files; both must agree."""
+    """What a `Layout` has of frequencies, a dict: in all names, or in headers of files; both must agree."""
     in_headers = [freq_in_header(*pair) for pair in zip(headers or [{}] * len(names), names, strict=True)]
     stated = [freqs_in(name) for name in names]
     if all(len(freqs) == 1 for freqs in stated):

@@ -15,9 +15,8 @@ from himap.core.errors import InputError
 from himap.cubes import hdf5_access as access
 from himap.cubes.axes import pixel_axis
 from himap.cubes.fits import pixels_of_headers
-from himap.cubes.hdf5_access import LISTED
 from himap.cubes.images import HEADERS
-from himap.cubes.layout import Layout, check_cube_room
+from himap.cubes.layout import Layout, check_cube_room, listed
 from himap.maps import sphere
 from himap.maps.sphere import sphere_sizes
 
@@ -71,16 +70,16 @@ def _read_images(file, name):
 
 
 def read_dataset(path, word):
-    """The numbers of the one dataset that is called `word`, in any group, in the shape that they have.
+    """The numbers of the one dataset called `word`, in any group, and what is stated, for `Layout.of_sphere`.
 
-    With them what is stated, for `Layout.of_sphere`. Raises an InputError where there is none, or several,
-    and as `read_hdf5`.
+    Errors as of `read_hdf5`, and where there is no such dataset, or several.
     """
     with access.opened(path) as file:
         names = [name for name in (*file.arrays, *file.masks) if access.last_part(name) == word]
         if len(names) != 1:
-            listing = ", ".join(names[:LISTED]) or file.listing()
-            raise InputError(f"{path} must have one dataset called {word}; it has {listing}.")
+            raise InputError(
+                f"{path} must have one dataset called {word}; it has {listed(names) or file.listing()}."
+            )
         item = file.get(names[0])
         check_cube_room(path, math.prod(item.shape), item.dtype.itemsize)
         values = file.values(item)
@@ -119,8 +118,8 @@ def _freqs_of(file, name, n_channels):
     first, *others = named
     if any(not np.array_equal(named[first], named[other]) for other in others):
         raise InputError(
-            f"{file.path} has several datasets of frequencies: {', '.join([*named][:LISTED])}. Name the "
-            "right one with --freqs-name."
+            f"{file.path} has several datasets of frequencies: {listed([*named])}. Name the right one with "
+            "--freqs-name."
         )
     return {"freqs": named[first], "freqs_from": f"the dataset {first}"}
 

@@ -7,15 +7,12 @@ import numpy as np
 
 from himap.core.errors import InputError
 from himap.core.reading import reading
-from himap.cubes.layout import plain_pairs
+from himap.cubes.layout import listed, plain_pairs
 from himap.maps.frames import frame_of, is_nested
 
 _PACKING = {"_FillValue": 1, "missing_value": None, "scale_factor": 1, "add_offset": 1}
 _PACKING |= {"valid_min": 1, "valid_max": 1, "valid_range": 2}  # of netCDF, how many numbers; None for any
 _SCALE = ("scale_factor", "add_offset")
-
-LISTED = 20
-"""Datasets in a message."""
 
 _NAMES = {  # of attributes, in small letters and also with an s, and what they say
     **dict.fromkeys(("unit", "bunit"), "unit"),
@@ -34,9 +31,9 @@ _WRITTEN = {"foreground", "residual"}  # the maps of a cleaned cube
 _DEEPEST, _MOST = 32, 10_000  # groups in groups, and items: beyond, a file is made to keep readers busy
 
 
-def says_layout(name):
-    """Whether an attribute of this name says how the maps of a file are kept, but for the spectral frame."""
-    return _NAMES.get(name.lower(), _NAMES.get(name.lower().removesuffix("s"))) not in (None, "SPECSYS")
+def meaning_of(name):
+    """What an attribute of this name says of the maps of a file, a value of `_NAMES`, or None."""
+    return _NAMES.get(name.lower(), _NAMES.get(name.lower().removesuffix("s")))
 
 
 @contextmanager
@@ -48,10 +45,9 @@ def opened(path, aside=()):
         except OSError as error:
             if "unable to lock file" in str(error) or "already open for write" in str(error):
                 raise InputError(
-                    f"{path} cannot be locked: it is open for writing in another program, such as a notebook "
-                    "(close it there, file.close(); after a program that crashed, h5clear -s makes it "
-                    "readable), or its drive has no locks (if no program writes to it, set the environment "
-                    "variable HDF5_USE_FILE_LOCKING=FALSE)."
+                    f"{path} cannot be locked: it is open for writing in another program (close it there, "
+                    "with file.close(); if that crashed, h5clear -s makes the file readable), or its drive "
+                    "has no locks (if no program writes to it, set HDF5_USE_FILE_LOCKING=FALSE)."
                 ) from None
             raise
         with file:
@@ -83,8 +79,8 @@ class Datasets:
         self._n += 1
         if name.count("/") > _DEEPEST or self._n > _MOST:
             raise InputError(
-                f"{self.path} has groups more than {_DEEPEST} deep, or more than {_MOST} groups and "
-                "datasets; write the cube to a file of its own."
+                f"{self.path} has more than {_MOST} groups and datasets, or more than {_DEEPEST} groups in "
+                "each other; write the cube to a file of its own."
             )
         if isinstance(item, h5py.Group):
             links = {f"{name}/{key}".lstrip("/"): item.get(key, getlink=True) for key in item}
@@ -99,7 +95,7 @@ class Datasets:
                         self.arrays[name] = item
 
     def get(self, name, option=None):
-        """The dataset called `name`, if its numbers are in this file; `option` of the command may give it."""
+        """The dataset called `name`, if its numbers are in this file; `option` is what the name came by."""
         if option is not None and name not in self.arrays:
             raise InputError(
                 f"{self.path} has no dataset {name} of its own; it has {self.listing()}. Name one of these "
@@ -120,7 +116,7 @@ class Datasets:
     def maps(self, name, fitting, shape):
         """The dataset called `name` or, for None, the only one of `fitting`; of a cleaned cube, the residual.
 
-        All that are `fitting` have the `shape`, a text, of a cube.
+        Those that are `fitting` have the shape of a cube, `shape` in words.
         """
         if name is not None:
             self.get(name, "--maps")
@@ -130,30 +126,24 @@ class Datasets:
             fitting = ["residual"]
         if len(fitting) == 1:
             return self.get(fitting[0])
-        more = ", ..." if len(fitting) > LISTED else ""
-        listing = f"{len(fitting)} are: {', '.join(fitting[:LISTED])}{more}"
+        but = f"{len(fitting)} are: {listed(fitting)}" if fitting else f"the file has {self.listing()}"
         raise InputError(
-            f"{self.path}: {name or 'one dataset'} must be {shape}, but "
-            f"{listing if fitting else f'the file has {self.listing()}'}. Name it with --maps."
+            f"{self.path}: {name or 'one dataset'} must be {shape}, but {but}. Name it with --maps."
         )
 
     def listing(self):
         """What there is, for messages."""
         texts = [f"{name} {item.shape}" for name, item in self.arrays.items()]
         texts += [f"{name} in another file" for name in sorted(self.elsewhere)]
-        more = [f"and {len(texts) - LISTED} more"] if len(texts) > LISTED else []
-        return "; ".join(texts[:LISTED] + more) or "no arrays of numbers"
+        return listed(texts, "; ") or "no arrays of numbers"
 
     def check_pixels(self, item, pixels):
-        """Refuse a mask next to maps, another nside than that of their `pixels`, and pixels in another order.
-
-        Whether the 1 of a mask means kept or masked only its author knows.
-        """
+        """Refuse a mask next to maps, and another nside or order than that of their `pixels`."""
         for name in (name for name, one in self.masks.items() if pixels.shape[0] in (one.shape or ())):
             raise InputError(
-                f"{self.path} has a mask, {name}, and does not say whether 1 means kept or masked: make "
-                "the pixels that are not to be seen NaN in the maps, or write it as a FITS map of 1 where "
-                f"kept for --mask, and delete the dataset (del file[{name!r}])."
+                f"{self.path} has a mask, {name}, and does not say whether 1 means kept or masked: make what "
+                "is masked NaN in the maps, or write it as a FITS map of 1 where kept for --mask, and delete "
+                f"the dataset (del file[{name!r}])."
             )
         nside = self.attributes(item).get("nside", pixels.nside)
         if str(nside) not in (f"{pixels.nside}", f"{pixels.nside}.0"):
@@ -167,7 +157,7 @@ class Datasets:
                 )
 
     def attributes(self, item):
-        """As of `attributes_of`, of a dataset, its grid mapping in netCDF, its groups and the file."""
+        """Those of `attributes_of`, of a dataset, its grid mapping in netCDF, its groups and the file."""
         said, place, mapping = attributes_of(item), item, plain(item.attrs.get("grid_mapping"))
         while place.name != "/":
             place = place.parent
@@ -199,10 +189,9 @@ class Datasets:
             stored = item[part]
         except OSError as error:
             raise InputError(
-                f"{item.name[1:]} in {self.path} cannot be read ({error}). If it is compressed with a filter "
-                "that is not installed here, point HDF5_PLUGIN_PATH at it (that of the package hdf5plugin is "
-                "hdf5plugin.PLUGIN_PATH), or write the file again with gzip where the filter is "
-                "(h5repack -f GZIP=4); if not, the file is damaged."
+                f"{item.name[1:]} in {self.path} cannot be read ({error}): it is damaged, or compressed with "
+                "a filter that is not installed here. Point HDF5_PLUGIN_PATH at that (for the package "
+                "hdf5plugin, hdf5plugin.PLUGIN_PATH), or compress with gzip instead (h5repack -f GZIP=4)."
             ) from None
         numbers = {key: np.ravel(item.attrs[key]) for key in _PACKING if key in item.attrs}
         for key, given in numbers.items():
@@ -210,8 +199,8 @@ class Datasets:
             is_right = given.dtype.kind in "fiu" and given.size == n_right
             if not is_right or (key in _SCALE and not np.isfinite(given).all()):
                 raise InputError(
-                    f"{key} of {item.name[1:]} in {self.path} must be numbers, {n_right}, and finite if "
-                    f"maps are scaled by it; got {item.attrs[key]!r}."
+                    f"{key} of {item.name[1:]} in {self.path} must be {n_right} numbers, finite if maps are "
+                    f"scaled by it; got {item.attrs[key]!r}."
                 )
         defined = item.id.get_create_plist().fill_value_defined()
         if fill and defined == h5py.h5d.FILL_VALUE_USER_DEFINED and item.fillvalue:
@@ -237,16 +226,13 @@ def last_part(name):
 
 
 def attributes_of(place):
-    """{what: value} of the attributes of a dataset or group that say something; by `_NAMES`, or their own.
+    """{what: value} of the attributes of a dataset or group, by `meaning_of` or else their names.
 
-    Raises
-    ------
-    InputError
-        Several of one meaning are there, and say different things.
+    An InputError where several of one meaning differ.
     """
     said, spelled = {}, {}
     for name in place.attrs:
-        what = _NAMES.get(name.lower()) or _NAMES.get(name.lower().removesuffix("s")) or name
+        what = meaning_of(name) or name
         with suppress(TypeError, OSError):  # a type that numpy does not have
             value = plain(place.attrs[name])
             if str(said.get(what, value)) != str(value):

@@ -25,6 +25,7 @@ STRUCTURE = re.compile(
 HELD = 4
 """Cubes in float32 that cleaning holds at once besides that in the file; measured with 0.1 GB."""
 
+_LISTED = 20  # names in a message
 _HELD_WEIGHTS = 3  # more of them for weights
 _LARGEST = 1e15  # what is as large as this is no number: healpy marks missing pixels with -1.6e30
 _ROUNDING = 1e-6  # relative: frequencies that are stated twice are the same
@@ -139,11 +140,11 @@ class Layout:
     @property
     def cards(self):
         """What of `about` a header of FITS can hold, a list of (key, value)."""
-        texts = ((key.upper(), value) for key, value in self.about.items() if _KEY.fullmatch(key))
         return [
-            (key, value)
-            for key, value in texts
-            if not STRUCTURE.fullmatch(key)
+            (key.upper(), value)
+            for key, value in self.about.items()
+            if _KEY.fullmatch(key)
+            and not STRUCTURE.fullmatch(key.upper())
             and (_TEXT.fullmatch(value) if isinstance(value, str) else np.isfinite(value))
         ]
 
@@ -152,15 +153,11 @@ class Layout:
         return replace(self, remarks=(*self.remarks, *remarks))
 
     def joined(self, label, frame, spectral_frame=None, *, rotate=False):
-        """The same with the frames of others where it states none, and what was assumed or is rotated.
+        """The same with the frames of others where it states none, and remarks on what is assumed or rotated.
 
-        Parameters
-        ----------
-        label, frame, spectral_frame
-            Of the others, which belong to these; frames of coordinates as of `himap.maps.frames.frame_of`,
-            and SPECSYS.
-        rotate
-            Whether they can be rotated into the frame of these; else an InputError where both differ.
+        The others, called `label`, have a frame of coordinates, as of `himap.maps.frames.frame_of`, and a
+        spectral one, SPECSYS. An InputError where frames differ, but for those of coordinates that are known
+        if the others may be rotated (`rotate`).
         """
         pixels, about, said = self.pixels, self.about, []
         mine, theirs = frame_name(pixels.frame), frame_name(frame)
@@ -175,14 +172,12 @@ class Layout:
             elif not rotate:
                 raise InputError(
                     f"coordinates must be of one frame: that of {label} is {theirs} (COORDSYS = {frame}), of "
-                    f"the cube {mine} (COORDSYS = {pixels.frame}). Have all rotated to that of the cube, "
-                    "rotate=True (--rotate), or mend the card that is wrong."
+                    f"the cube {mine} (COORDSYS = {pixels.frame}). Rotate all to that of the cube with "
+                    "rotate=True (--rotate), or correct the card that is wrong."
                 )
             elif not {frame, pixels.frame} <= FRAMES.keys():
-                raise InputError(
-                    f"{label} has the frame {theirs}, the cube {mine}: only {', '.join(FRAMES)} can be "
-                    "rotated."
-                )
+                known = ", ".join(FRAMES)
+                raise InputError(f"{label} is {theirs}, the cube {mine}: only {known} can be rotated.")
             else:
                 said.append(f"{label}: rotated, {theirs} to {mine}.")
         mine, theirs = self.spectral_frame, spectral_frame_of(spectral_frame)
@@ -192,7 +187,7 @@ class Layout:
         elif theirs not in (None, mine):
             raise InputError(
                 f"{label} must have the spectral frame of the cube, SPECSYS = {mine}, and has {theirs}; "
-                "convert one of them, or mend the card that is wrong."
+                "convert one of them, or correct the card that is wrong."
             )
         return replace(self, pixels=pixels, about=about).noted(*said)
 
@@ -208,7 +203,7 @@ class Layout:
 
 
 def is_seen(pixels):
-    """Which pixels have a number: neither NaN nor infinite nor UNSEEN."""
+    """Which pixels are neither NaN nor infinite nor UNSEEN."""
     return np.abs(pixels.astype(np.result_type(pixels.dtype, np.float32), copy=False)) < _LARGEST
 
 
@@ -217,17 +212,20 @@ def same_freqs(first, second):
     return np.isclose(first, second, rtol=_ROUNDING, atol=0)
 
 
+def listed(names, separator=", "):
+    """The first of some names, for a message, and how many more there are."""
+    more = [f"and {len(names) - _LISTED} more"] if len(names) > _LISTED else []
+    return separator.join([*names[:_LISTED], *more])
+
+
 def plain_pairs(pairs, left_out=()):
-    """Those of texts and numbers, a dict, without the names that are `left_out`, and what himap writes."""
+    """Those of texts and numbers, a dict, without the names in `left_out` and those that himap writes."""
     plain = ((key, value) for key, value in pairs.items() if isinstance(value, str | int | float))
     return {key: value for key, value in plain if key.lower() not in {*left_out, *OURS}}
 
 
 def only_value(path, what, values, names):
-    """The value that all maps in `path` have, None where none is stated.
-
-    `what` it is, and the `names` of the maps, are for the InputError where they differ.
-    """
+    """The value that all maps in `path` have; `what` it is, and their `names`, say where they differ."""
     first = {value: n for n, value in reversed([*enumerate(values)])}
     if len(first) > 1:
         each = (f"{values[n]} ({names[n]})" for n in sorted(first.values()))
@@ -236,9 +234,6 @@ def only_value(path, what, values, names):
 
 
 def check_cube_room(path, n_values, itemsize, *, weighed=False):
-    """Refuse a cube of `n_values` voxels of `itemsize` bytes before it is read, if work on it cannot fit.
-
-    `weighed` says whether its voxels will have weights. Raises an InputError.
-    """
+    """Refuse a cube of `n_values` voxels of `itemsize` bytes, with weights if `weighed`, that cannot fit."""
     held = HELD + _HELD_WEIGHTS * weighed
     check_room(f"work on {path}", PROCESS + n_values * (itemsize + 4 * held))

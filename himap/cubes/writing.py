@@ -13,7 +13,7 @@ from himap import __version__
 from himap.core.errors import InputError, plain_text, shortened
 from himap.core.files import atomic_files, check_free
 from himap.cubes.cleaning import check_cleaned
-from himap.cubes.hdf5_access import says_layout
+from himap.cubes.hdf5_access import meaning_of
 
 OUTPUTS = (".h5", ".hdf5", ".fits", ".fits.gz", ".npy")
 """What the name of a cleaned cube ends with."""
@@ -49,12 +49,12 @@ def check_columns(cube, path):
 
 
 def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
-    """`path` of a cleaned cube, or of a page, as one that can be written, or an error before the work begins.
+    """All files of a cleaned cube, or of a page, `path` first, which can be written.
 
     Parameters
     ----------
     path, overwrite
-        The file, and whether it may be there already.
+        The first file, and whether they may be there already.
     inputs
         Files that are never written over.
     endings
@@ -68,12 +68,15 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
         Another ending, a folder that cannot be written to, a file that is there and not to be overwritten, or
         one of `inputs`.
     """
-    path = Path(path)
-    if page and path.suffix != ".html":
+    path, more = Path(path), ()
+    ending = ending_of(path)
+    if page and ending != ".html":
         raise InputError(f"the page is a .html file, got {path}.")
-    if not page and ending_of(path) not in OUTPUTS:
+    if not page and ending not in OUTPUTS:
         raise InputError(f"the output is a {', '.join(OUTPUTS[:-1])} or {OUTPUTS[-1]} file, got {path}.")
-    paths = [*files_of(path), *(companion(path, end) for end in endings)]
+    if ending not in (".h5", ".hdf5", ".html"):
+        more = (f"_foreground{ending}", "_mixing.txt")
+    paths = [path, *(companion(path, end) for end in (*more, *endings))]
     folder = Path(os.path.realpath(path.parent))
     try:  # what the permissions promise is not always so
         with tempfile.TemporaryFile(dir=folder):
@@ -91,15 +94,7 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
         if originals & {place, folder}:
             raise InputError(f"{each} would change what it is made from; choose another output.")
     check_free(paths, overwrite=overwrite)
-    return path
-
-
-def files_of(path):
-    """All files that a cleaned cube, or a page, is written to, `path` first."""
-    ending = ending_of(path)
-    if ending in (".h5", ".hdf5", ".html"):
-        return [path]
-    return [path, *(companion(path, end) for end in (f"_foreground{ending}", "_mixing.txt"))]
+    return paths
 
 
 def save_cleaned(cleaned, path, *, overwrite=False):
@@ -123,17 +118,17 @@ def save_cleaned(cleaned, path, *, overwrite=False):
     """
     check_cleaned(cleaned)
     check_columns(cleaned.cube, path)
-    paths = files_of(check_output(path, overwrite=overwrite))
+    paths = check_output(path, overwrite=overwrite)
     with atomic_files(*paths) as temporary:  # all of them or none
         write_cleaned(cleaned, temporary)
     return paths
 
 
 def write_cleaned(cleaned, paths, *, said=None):
-    """Write a `CleanedCube` to files, `paths` as of `files_of`; all or none with `atomic_files`.
+    """Write a `CleanedCube` to files, `paths` as of `check_output`.
 
-    What was assumed, the sentences `said` (default: those of the cube) and the remarks on the result, goes
-    into the attribute `remarks` of HDF5, into HISTORY of FITS, and into the head of the table.
+    What was assumed (`said`, sentences; default: those of the cube) and the remarks on the result go into the
+    attribute `remarks` of HDF5, HISTORY of FITS, and the head of the table.
     """
     sentences = [*(cleaned.cube.said if said is None else said), *cleaned.remarks]
     cube, layout, mixing = cleaned.cube, cleaned.cube.layout, cleaned.separation.mixing
@@ -180,8 +175,8 @@ def _write_hdf5(cleaned, path, as_given, about, sentences):
         for name, values in datasets.items():
             file.create_dataset(name, data=values)
         # h5py has no zeros in texts, and a card of FITS may have the name of what says how pixels are kept.
-        kept = ((key, value) for key, value in layout.about.items() if not says_layout(key))
-        texts = {key: value for key, value in kept if "\0" not in f"{value}"}
+        kept = {key: value for key, value in layout.about.items() if meaning_of(key) in (None, "SPECSYS")}
+        texts = {key: value for key, value in kept.items() if "\0" not in f"{value}"}
         file.attrs.update(texts | attributes | about)
 
 

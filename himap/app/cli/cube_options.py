@@ -119,12 +119,12 @@ def tell(asked, *sentences):
         asked.said.append(sentence)
 
 
-def output_of(asked, endings=(), page=True):
-    """The checked path of the output, None where there is none."""
+def outputs_of(asked, endings=(), page=True):
+    """The checked paths of the output, none where there is none."""
     from himap.cubes.writing import check_output
 
     more = {"overwrite": asked.overwrite, "inputs": asked.inputs, "endings": endings, "page": page}
-    return None if asked.output is None else check_output(asked.output, **more)
+    return [] if asked.output is None else check_output(asked.output, **more)
 
 
 def write_and_say(asked, files, write, *, remarks=()):

@@ -13,7 +13,7 @@ from himap.app.cli.cube_options import (
     MOCKS,
     WEIGHTS,
     cube_command,
-    output_of,
+    outputs_of,
     tell,
     write_and_say,
 )
@@ -81,19 +81,17 @@ def clean(asked):
     Remove the foregrounds of CUBE: HDF5, FITS (or a folder of it) or .npy.
     himap clean cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o cleaned.h5
     """
-    from himap.cubes.writing import companion, files_of, write_cleaned
+    from himap.cubes.writing import write_cleaned
 
     endings = (".html", ".csv") if asked.mocks else (".html",)
-    output = output_of(asked, endings, page=False)
+    files = outputs_of(asked, endings, page=False)
     cleaned, write_pages = _cleaned(asked)
-    outputs = files_of(output)
 
     def write(*temporary):
-        write_cleaned(cleaned, temporary[: len(outputs)], said=asked.said)
-        write_pages(*temporary[len(outputs) :])
+        write_cleaned(cleaned, temporary[: -len(endings)], said=asked.said)
+        write_pages(*temporary[-len(endings) :])
 
-    pages = [companion(output, end) for end in endings]
-    write_and_say(asked, [*outputs, *pages], write, remarks=cleaned.remarks)
+    write_and_say(asked, files, write, remarks=cleaned.remarks)
 
 
 @cube_command(
@@ -111,9 +109,9 @@ def transfer(asked):
     himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html
     """
     asked.mocks, asked.patches, asked.restarts = asked.mocks or ("10",), False, None
-    page = output_of(asked, (".csv",))
+    files = outputs_of(asked, (".csv",))
     cleaned, write_pages = _cleaned(asked)
-    write_and_say(asked, [page, page.with_suffix(".csv")], write_pages, remarks=cleaned.remarks)
+    write_and_say(asked, files, write_pages, remarks=cleaned.remarks)
 
 
 def _cleaned(asked):
@@ -247,7 +245,7 @@ def suggest(asked):
     from himap.cubes import suggestion
     from himap.removal import create
 
-    page = output_of(asked)
+    files = outputs_of(asked)
     if "n_sources" in asked.parameters:
         raise InputError(
             "the numbers of sources to try are given with --from and --to, not with -p n_sources."
@@ -262,8 +260,7 @@ def suggest(asked):
     result = suggestion.suggest(cube, asked.method, **options, **asked.parameters)
     advice = f"{result.n_bright} eigenvalues exceed HI and noise. {suggestion.advice(result)}"
     asked.tables = [suggestion.suggestion_table(result), advice]
-    write = functools.partial(suggestion.write_suggestion, result, said=asked.said)
-    write_and_say(asked, [] if page is None else [page], write)
+    write_and_say(asked, files, functools.partial(suggestion.write_suggestion, result, said=asked.said))
 
 
 @cube_command(
@@ -286,7 +283,7 @@ def sensitivity(asked):
     from himap.cubes.cleaning import clean_cube
     from himap.removal import create
 
-    page = output_of(asked)
+    files = outputs_of(asked)
     remover = create(asked.method, **asked.parameters)
     if "beams" not in remover.uses:
         raise InputError(f"{remover.name} does not use the beam: no error of it changes the residual.")
@@ -298,4 +295,4 @@ def sensitivity(asked):
     ratios = measured.beam_sensitivity(cleaned, asked.beam, **errors, period=asked.period, dish=asked.dish)
     asked.tables = [measured.sensitivity_table(ratios, asked.period)]
     write = functools.partial(measured.write_sensitivity, ratios, period=asked.period, said=asked.said)
-    write_and_say(asked, [] if page is None else [page], write)
+    write_and_say(asked, files, write)
