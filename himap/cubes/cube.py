@@ -30,12 +30,12 @@ class Cube:
     freqs
         Channel centres, MHz, ascending, (n_channels,).
     mask
-        Which pixels are seen in every channel, or with weights in some, (n_pix,) bool: those of the sphere,
-        RING, or of an image.
+        Which pixels of the sphere, RING, or of an image are seen in every channel, or with weights in some,
+        (n_pix,) bool.
     layout
-        How it was given, a `himap.cubes.layout.Layout`: what is made of it is given back alike.
+        How it was given, a `himap.cubes.layout.Layout`.
     weights
-        Of the seen pixels, (n_seen,), or of their voxels, (n_channels, n_seen), 0 where one is missing: there
+        Of the seen pixels, (n_seen,), or of their voxels, (n_channels, n_seen), 0 where one is missing and
         maps are 0. None where all are the same.
     """
 
@@ -97,13 +97,7 @@ class Cube:
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
 
     def masked(self, path, *, rotate=False):
-        """The same `Cube` of the pixels that it sees and that the mask in a file keeps.
-
-        Raises
-        ------
-        InputError
-            As of `within` and of `himap.cubes.weights.read_mask`.
-        """
+        """The same `within` the mask in a file; errors of that and of `himap.cubes.weights.read_mask`."""
         mask, layout = read_mask(path, self.layout, rotate=rotate)
         return replace(self, layout=layout).within(mask)
 
@@ -121,13 +115,7 @@ class Cube:
         return self._of(kept, f"{kept.mean():.1%} of {self.layout.pixels.area} is kept by the mask.")
 
     def seen_in(self, n_channels):
-        """The same `Cube` of the pixels that are seen in so many channels or more.
-
-        Raises
-        ------
-        InputError
-            There is none, or as `within`.
-        """
+        """The same of the pixels that are seen in so many channels or more; InputError if there are none."""
         if self.missing is None:
             return self
         few, kept = np.count_nonzero(~self.missing, axis=0) < n_channels, self.mask.copy()
@@ -159,8 +147,9 @@ class Cube:
         """The same `Cube` without the channels that the file of `other` has, but `other` has not."""
         if len(other.freqs) == len(other.layout.freqs):
             return self
-        near = same_freqs(self.freqs[:, None], other.freqs).any(axis=1)
-        known = same_freqs(self.freqs[:, None], other.layout.freqs).any(axis=1)
+        near, known = (
+            same_freqs(self.freqs[:, None], one.freqs).any(axis=1) for one in (other, other.layout)
+        )
         kept = near | ~known
         layout = replace(self.layout, channels=self.layout.channels[kept])
         return replace(self, maps=self.maps[kept], freqs=self.freqs[kept], layout=layout)
@@ -168,10 +157,7 @@ class Cube:
     def in_frame_of(self, other, label, *, rotate=False):
         """The same `Cube`, a truth or mock of `other`, in the frame of coordinates of that; `label` names it.
 
-        Raises
-        ------
-        InputError
-            The frames differ, and it may not be rotated, or it sees a part of the sky, or is an image.
+        An InputError where frames differ and it may not be rotated, or sees a part of the sky.
         """
         mine, theirs = self.layout.pixels, other.layout.pixels
         if not mine.whole_sky or not theirs.whole_sky:
@@ -211,24 +197,17 @@ class Cube:
 
 
 def are_scattered(seen):
-    """Whether more than 1 % of the pixels that are seen in some channel, by (n_channels, n_pix) bool, are
-    missing in one that is not blind."""
+    """Whether many of the pixels that some channel sees, (n_channels, n_pix) bool, are missing in another."""
     some, every = seen.any(axis=0), seen[seen.any(axis=1)].all(axis=0)
     return bool(np.count_nonzero(some & ~every) > _FEW * np.count_nonzero(some))
 
 
 def make_cube(maps, layout, *, weights=None):
-    """The `Cube` of maps as a file has them: sorted, in mK, RING, with the pixels seen in every channel.
+    """The `Cube` of `maps` and `layout` as of `himap.cubes.files.read_file`, complete: sorted, in mK, RING.
 
     NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out, and a dead
-    one, with one value everywhere. With weights, pixels that are seen in some channel are kept.
-
-    Parameters
-    ----------
-    maps, layout
-        As of `himap.cubes.files.read_file`, complete.
-    weights
-        Of its voxels, (n_in_file, n_pix), RING, changed in place: 0 where one is not seen.
+    one, with one value everywhere. Pixels that are seen in every channel are kept; with weights of the
+    voxels, (n_in_file, n_pix), RING, changed in place, those that are seen in some.
     """
     # float16 ends at 65504, and longer floats take room.
     floats = np.float32 if np.result_type(maps.dtype, np.float32) == np.float32 else np.float64
@@ -246,9 +225,8 @@ def make_cube(maps, layout, *, weights=None):
     mask = seen[channels].all(axis=0) if weights is None else seen.any(axis=0)
     if not mask.any():
         raise InputError(
-            "no pixel is seen in every channel; leave out the channels that see least, or clean with a "
-            f"method that takes weights ({', '.join(using('weights'))}), for which a voxel may be missing "
-            "alone (read_cube(..., scattered=True))."
+            "no pixel is seen in every channel; leave out the channels that see least, or take a method that "
+            f"uses weights ({', '.join(using('weights'))}) and read_cube(..., scattered=True)."
         )
     lines = np.empty((len(channels), int(mask.sum())), dtype=floats)
     for place, out in zip(channels, lines, strict=True):
@@ -256,16 +234,15 @@ def make_cube(maps, layout, *, weights=None):
         out[:] = np.where(seen[place, mask], pixels, 0) * MILLIKELVIN[layout.unit]
     lines = as_float32(lines)  # or float64 as it was
     if weights is not None:
-        weights = weights[np.ix_(channels, mask)]
+        _, weights = checked_weights(weights[np.ix_(channels, mask)], lines.shape)
     cube = Cube(
         maps=lines,
         freqs=layout.freqs[channels],
         mask=mask,
         layout=replace(layout, channels=channels),
-        weights=None if weights is None else checked_weights(weights, weights.shape)[1],
+        weights=weights,
     )
-    remarks = _remarks_on_file(cube, seen, dead, maps.dtype)
-    return replace(cube, layout=cube.layout.noted(*remarks))
+    return replace(cube, layout=cube.layout.noted(*_remarks_on_file(cube, seen, dead, maps.dtype)))
 
 
 def _seen_channels(seen, freqs):
@@ -277,22 +254,18 @@ def _seen_channels(seen, freqs):
     twice = freqs[channels][1:][np.diff(freqs[channels]) < _TWICE * freqs[channels][1:]]
     if len(twice):
         raise InputError(
-            f"two channels have the frequency {twice[0]:g} MHz, or differ by a rounding: leave one of them "
-            "out, or correct what states the step of frequencies (CDELT)."
+            f"two channels have the frequency {twice[0]:g} MHz, or nearly: leave one of them out, or correct "
+            "what states the step of frequencies (CDELT)."
         )
     checked_freqs(freqs[channels], len(channels))
     return channels
 
 
 def _remarks_on_file(cube, seen, dead, dtype):
-    """What of a file of maps of this dtype is not in its `Cube`, or may be a mistake, a list of sentences.
-
-    `seen` (n_in_file, n_pix) and `dead` (n_in_file,) are what its channels see, and which see one value.
-    """
-    remarks, n_channels = [], len(seen)
-    if len(cube.freqs) < n_channels:
-        n_left = n_channels - len(cube.freqs)
-        remarks.append(f"{n_left} of {n_channels} channels have no data and are left out.")
+    """What of a file of maps of this dtype is not in its `Cube`, or may be a mistake, a list of sentences."""
+    remarks, n_left = [], len(seen) - len(cube.freqs)
+    if n_left:
+        remarks.append(f"{n_left} of {len(seen)} channels have no data and are left out.")
     if not cube.mask.all():
         where = "every" if cube.missing is None else "some"
         area = f"{cube.mask.mean():.1%} of {cube.layout.pixels.area}"

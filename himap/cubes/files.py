@@ -41,20 +41,17 @@ def read_cube(
 ):
     """A `Cube` from a file; see `himap.cubes.files.read_file` for the formats.
 
+    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
+    left out, by the method. Without, the pixels that are seen in all channels are kept.
+
     Parameters
     ----------
     path
         File, or folder of files.
-    freqs
-        Channel centres in MHz, in the order of the channels in the file: an array, or the path of a file with
-        one number a line, or of a table of edges (`himap.cubes.files.read_freqs`); for files that do not
-        state them.
-    unit
-        "K", "mK" or "uK", if the file does not say.
-    order
-        "RING" or "NESTED", if the file does not say; RING unless given.
-    frame
-        Of the coordinates, "G", "C" or "E", if the file does not say.
+    freqs, unit, order, frame
+        For files that do not state them: channel centres in MHz, in the order of the file, an array or the
+        path of a file (`himap.cubes.files.read_freqs`); "K", "mK" or "uK"; "RING" (default) or "NESTED";
+        "G", "C" or "E", of the coordinates.
     maps_name, freqs_name
         Datasets of an HDF5 file.
     axes
@@ -76,11 +73,6 @@ def read_cube(
     ------
     InputError
         What is missing or contradicts the file, and how to give it.
-
-    Notes
-    -----
-    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
-    left out, by the method. Without, the pixels that are seen in all channels are kept.
     """
     weighed, voxels = weights is not None or flags is not None, None
     names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}
@@ -96,10 +88,10 @@ def read_cube(
 
 
 def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, rotate=False, **given):
-    """A `Cube` of the truth, or a mock, of another: options as in `read_cube`, where its file says nothing.
+    """A `Cube` of the truth, or a mock, of `cube`: options as in `read_cube`, where its file says nothing.
 
-    Channels that the file of the other, `cube`, has, but `cube` has not, are left out. Maps of the whole sky
-    in another frame than that are rotated, if they may be (`rotate`).
+    Channels that the file of `cube` has, but `cube` has not, are left out. Maps of the whole sky in another
+    frame are rotated, if they may be (`rotate`).
     """
     with reading(path):
         found, ways = None, [{}, {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}]
@@ -120,8 +112,7 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
 def _read_by_header(path, cube):
     """Maps and `Layout` of an image cube that has the channels and image of a `Cube` by its header, or None.
 
-    None too where the header of the `Cube` has an axis of frequencies: axes that are given correct it, and
-    those of this one.
+    None too where the header of the `Cube` has an axis of frequencies: axes that are given correct both.
     """
     if cube is not None and not cube.layout.freqs_from.startswith("the axis FREQ"):
         with suppress(InputError):
@@ -137,13 +128,8 @@ def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
 
     FITS holds HEALPix maps in a table, or an image cube with world coordinates; of these each file of a
     folder may have a range of channels. Options as of `read_cube`; `aside` are datasets of an HDF5 file that
-    are no maps and no masks, by the last part of their names.
-
-    Returns
-    -------
-    (ndarray, Layout)
-        Maps (n_channels, n_pix) in the order, unit and pixelisation of the file, NaN where it marks them
-        missing; and what it states of them.
+    are no maps and no masks, by the last part of their names. Maps are (n_channels, n_pix) in the order, unit
+    and pixelisation of the file, NaN where it marks them missing.
 
     Raises
     ------
@@ -158,7 +144,7 @@ def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
     if form is None:
         raise InputError(
             f"{path}: a cube is HDF5, FITS or .npy, or a folder of FITS files, one for each channel; by its "
-            "first bytes and its name this is none of them (unpack archives, and write netCDF as netCDF-4)."
+            "first bytes and name this is none of them (unpack archives; write netCDF as netCDF-4)."
         )
     if (maps_name, freqs_name) != (None, None):
         raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is none.")
@@ -180,10 +166,7 @@ def read_npy(path, axes=None):
 
 
 def _completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, frame=None):
-    """The `Layout` of a file with what the caller gives of frequencies, unit, order and frame (`read_cube`).
-
-    An InputError where what is given contradicts the file, or neither says what is needed.
-    """
+    """The `Layout` of a file with the frequencies, unit, order and frame that the caller gives."""
     layout = _with_freqs(path, n_channels, layout, freqs)
     if layout.pixels.whole_sky:
         nested = is_nested(None if order is None else str(order), "order")
@@ -198,9 +181,9 @@ def _completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, f
         layout = replace(layout, pixels=replace(layout.pixels, nested=bool(nested), frame=frame))
     elif "jy" in (layout.unit or "").lower():
         raise InputError(
-            f"{path} is in {layout.unit}, and a cube must be in K, mK or uK: convert every channel in "
-            "astropy, as (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)),"
-            " or values in MJy/sr without beam_area, and write BUNIT = 'K'."
+            f"{path} is in {layout.unit}, and a cube must be in K, mK or uK: convert every channel with "
+            "astropy, (values * u.Jy / u.beam).to(u.K, u.brightness_temperature(freq, beam_area=...)), or "
+            "without beam_area for MJy/sr, and write BUNIT = 'K'."
         )
     elif (order, frame) != (None, None):
         raise InputError("an image has no order or frame of HEALPix pixels; leave --order and --frame out.")
@@ -234,8 +217,7 @@ def _with_freqs(path, n_channels, layout, freqs):
     if freqs.shape != (n_channels,):
         raise InputError(
             f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}; if the "
-            "axes of the array are others, name them in the order of numpy (--axes ra,dec,freq, dec,ra,freq "
-            "and so on, or pixel,freq)."
+            "axes of the array are others, name them as in numpy (--axes ra,dec,freq or pixel,freq)."
         )
     remarks = layout.remarks
     if layout.names:
@@ -251,26 +233,17 @@ def _either(path, what, stated, given, *, same=operator.eq, shown=str):
     if stated is not None and given is not None and not same(stated, given):
         raise InputError(
             f"{path}: the file says {shown(stated)}, but the {what} given is {shown(given)}, for all files: "
-            "leave it out, mend this file, or write the one that does not say it as HDF5 that does."
+            "leave it out, correct this file, or write those that do not say it as HDF5 that does."
         )
     return given if stated is None else stated
 
 
 def read_freqs(path):
-    """Frequencies that a file states, (n,), in MHz, and what it states, in words.
+    """Frequencies in a .npy or text file, (n,), in MHz, and what states them, in words.
 
-    Parameters
-    ----------
-    path
-        A .npy file or a text file with one number a line, the centre of a channel. Or a table of the edges of
-        channels that adjoin each other, as those of CRIME and CoLoRe, whose means are the centres: lower and
-        upper; before them the number of the channel, from 1, or nothing; behind them the redshifts of the
-        upper and the lower edge, or nothing.
-
-    Raises
-    ------
-    InputError
-        Another table: which of its columns is meant cannot be known.
+    It has one number a line, the centre of a channel, or the edges of channels that adjoin each other, as of
+    CRIME and CoLoRe, whose means are the centres: columns ``lower upper``, ``number lower upper`` with
+    numbers from 1, or those and two of redshifts. An InputError for another table.
     """
     numbers = read_numbers(regular_file(path, "file of frequencies"))
     if numbers.ndim == 1 or 1 in numbers.shape:
@@ -285,6 +258,5 @@ def read_freqs(path):
     raise InputError(
         f"{path} must have one frequency a line, the centre of a channel in MHz, or the edges of "
         "channels that adjoin (lower upper, or number lower upper, or that and redshifts, as of CRIME); "
-        f"got a table of shape {numbers.shape}. Write the centres to a file, one a line, with decimal "
-        "points."
+        f"got a table of shape {numbers.shape}. Write the centres to a file, one a line."
     )

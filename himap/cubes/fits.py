@@ -38,11 +38,10 @@ _COUPLED = 1e-9  # of the largest step along an axis: rounding in a header
 
 
 def read_fits(path, axes=None, *, logical=False):
-    """Maps and `Layout` of a file, or of a folder of files; `axes` as of `himap.cubes.files.read_file`.
+    """Maps and `Layout` of a file or folder; `axes` as of `himap.cubes.read_cube`, `logical` of `read_maps`.
 
     HEALPix maps have a column for each channel, as healpy writes them, or in a folder a file, in the order of
-    their names with numbers as numbers; of three Stokes parameters there the first is read. Of images in a
-    folder each may have a range of channels. `logical` as of `himap.maps.healpix_io.read_maps`.
+    their names with numbers as numbers; of three Stokes parameters there the first is read.
     """
     paths, left_out = fits_in(path) if path.is_dir() else ([path], [])
     if _holds_image(paths[0]):
@@ -56,7 +55,7 @@ def read_fits(path, axes=None, *, logical=False):
         if file.names in _STOKES:
             raise InputError(
                 f"{path} has the Stokes parameters of one map ({', '.join(file.names)}), not a channel in "
-                "each column: give a folder with a file for each channel, or name columns as channels are."
+                "each column: give a folder with a file for each channel, or rename the columns."
             )
         stated = stated_freqs(file.names, "the names of its columns")
         maps, layout = file.maps, _layout(path, file.maps, [file], file.names, **stated)
@@ -153,16 +152,14 @@ def _opened(path):
 
 
 def _parts(path, file, *, axes, remarks, alone):
-    """The `ImagePart` of every image cube in an open file; what else is there is left out, and said.
-
-    The table of the beam of each channel is kept of a file that is `alone`: those of several have one name.
-    """
+    """The `ImagePart` of every image cube in an open file; what else is there is left out, and said."""
     images = [n for n, hdu in enumerate(file) if isinstance(hdu, _IMAGES) and len(hdu.shape) > 1]
     if not images:
         raise InputError(f"{path} holds no image cube.")
     worlds = {n: world_of(file[n].header) for n in images}
     cubes = [n for n in images if worlds[n].wcs.spec >= 0]
     cubes = cubes or [n for n in images if len(file[n].shape) > 2] or images[:1]
+    # Those of several files have one name.
     tables = [hdu for hdu in file if alone and type(hdu) is fits.BinTableHDU and hdu.name == _BEAMS]
     parts = [_part(path, n, file[n].header, file[n].shape, worlds[n], axes) for n in cubes]
     parts[0] = replace(parts[0], tables=tuple(hdu.copy() for hdu in tables))
@@ -201,9 +198,8 @@ def _part(path, index, header, shape, wcs, axes=None):
         raise InputError(
             f"{name}: its header is of {n_world} axes (WCSAXES) and its array of {len(shape)}, "
             f"{' x '.join(map(str, shape[::-1]))} as FITS counts: which axis is which is not known. Write it "
-            "with a header of three axes, transposed to (channel, Dec, RA) in numpy, or give its axes in the "
-            "order of numpy: --axes ra,dec,freq or dec,ra,freq where channels are last, freq,dec,ra or "
-            "freq,ra,dec where they are first."
+            "with a header of three axes, transposed to (channel, Dec, RA) in numpy, or name its axes in the "
+            "order of numpy (--axes ra,dec,freq or freq,dec,ra and so on)."
         )
     spectral, has_freqs = _spectral_axis(wcs, header, stored, axes, name)
     turn = turn_of(stored, axes, {"lon": wcs.wcs.lng, "lat": wcs.wcs.lat, "freq": spectral})
@@ -220,19 +216,16 @@ def _part(path, index, header, shape, wcs, axes=None):
         if not freqs.min() > _LOWEST:
             raise InputError(
                 f"{name} has frequencies from {freqs.min():.4g} to {freqs.max():.4g} MHz, which looks like "
-                f"another unit: write the right one as CUNIT{spectral + 1} into the header, where none means "
-                "Hz."
+                f"another unit: write it as CUNIT{spectral + 1} into the header, where none means Hz."
             )
-    axes = {"shape": shape, "turn": turn, "order": (first, *sky, *rest)}
-    where = {"path": path, "index": index, "header": header.copy()}
-    return ImagePart(**where, **axes, freqs=freqs, celestial=wcs.celestial)
+    where = {"path": path, "index": index, "header": header.copy(), "celestial": wcs.celestial}
+    return ImagePart(**where, shape=shape, turn=turn, order=(first, *sky, *rest), freqs=freqs)
 
 
 def _spectral_axis(wcs, header, stored, axes, name):
     """Which axis of the world is that of frequency, and whether its header states these.
 
-    If not it is the first without a type, of those that are longer than one in an array of the shape `stored`
-    if it can be.
+    If not it is the first without a type, if it can be of those longer than one in the shape `stored`.
     """
     types, n_axes, axis = [text.strip() for text in wcs.wcs.ctype], len(stored), wcs.wcs.spec
     spelled = (str(header.get(f"CTYPE{n}", "")).strip() for n in range(1, len(types) + 1))
@@ -248,9 +241,8 @@ def _spectral_axis(wcs, header, stored, axes, name):
     if axis >= 0 or not free:
         raise InputError(
             f"{name} has no axis FREQ, of the channels, but {listing}: write CTYPE, CRVAL, CRPIX, CDELT and "
-            "CUNIT of the frequencies into its header (SpectralCube.read(path).with_spectral_unit('Hz') of "
-            "the package spectral-cube converts velocities), or make the CTYPE of channels that are numbered "
-            "blank and give --freqs."
+            "CUNIT of the frequencies into its header (the package spectral-cube converts velocities, "
+            "SpectralCube.read(path).with_spectral_unit('Hz')), or a blank CTYPE, and give --freqs."
         )
     long = [n for n in free if stored[n_axes - 1 - n] > 1]
     return (long if long and axes is None else free)[0], False
@@ -264,8 +256,8 @@ def _check_axes(wcs, shape, spectral, name):
         if length > 1:
             text = wcs.wcs.ctype[axis] or f"axis {axis + 1}"
             raise InputError(
-                f"{name} has {length} values along {text}, and a cube is of one: take one out, for Stokes I "
-                "the first, and write it to a file of its own."
+                f"{name} has {length} values along {text}, and a cube is of one: write that, of Stokes "
+                "parameters the first, to a file of its own."
             )
     matrix = np.abs(wcs.pixel_scale_matrix)
     for world, pixel in np.argwhere(matrix > 0):
@@ -273,7 +265,7 @@ def _check_axes(wcs, shape, spectral, name):
         if world != pixel and not both_on_sky and matrix[world, pixel] > _COUPLED * matrix[world].max():
             raise InputError(
                 f"{name}: {wcs.wcs.ctype[world]} changes along axis {pixel + 1} too (PC or CD in the "
-                "header): such a rotated or sheared cube must be regridded to one whose channels are images."
+                "header): regrid such a rotated or sheared cube to one whose channels are images."
             )
 
 

@@ -72,9 +72,9 @@ class ImagePart:
         return data.transpose(self.order).reshape(self.n_channels, -1)
 
     def hdu(self, maps, kind, *, freqs, unit, cards, history):
-        """An HDU of this kind with maps (n_channels, n_y, n_x) in place of its own, and the same header.
+        """An HDU of this kind with other maps (n_channels, n_y, n_x), in the order of its header.
 
-        A turned array is written in the order of its header, and `freqs` are stated where they were not.
+        That is the same, with `freqs` where they were not stated.
         """
         data = maps.reshape([self.shape[axis] for axis in self.order]).transpose(np.argsort(self.order))
         header = self.header.copy(strip=True)
@@ -86,9 +86,9 @@ class ImagePart:
         if self.freqs is None:
             steps, axis = np.diff(freqs) if len(freqs) > 1 else np.ones(1), n_axes - self.order[0]
             if np.allclose(steps, steps[0], rtol=_SAME, atol=0):  # others no such axis can state
-                cards_of_axis = {"CTYPE": "FREQ", "CRVAL": 1e6 * freqs[0], "CRPIX": 1.0}
-                cards_of_axis |= {"CDELT": 1e6 * steps[0], "CUNIT": "Hz"}
-                header.update({f"{key}{axis}": value for key, value in cards_of_axis.items()})
+                values = ("FREQ", 1e6 * freqs[0], 1.0, 1e6 * steps[0], "Hz")
+                names = ("CTYPE", "CRVAL", "CRPIX", "CDELT", "CUNIT")
+                header.update({f"{name}{axis}": value for name, value in zip(names, values, strict=True)})
         for key in (*_STALE, *OURS):
             header.remove(key, ignore_missing=True)
         if card_text(header, "BUNIT") is None:
@@ -143,8 +143,7 @@ class ImagePixels:
         """An InputError: multipoles, beams and mocks ask for it."""
         raise InputError(
             "the cube is an image in the plane, and beams, mocks and multipoles are of the sphere: leave "
-            "--beam, --mocks and the like out, or put the cube on HEALPix, as reproject_to_healpix of the "
-            "package reproject does."
+            "them out, or put the cube on HEALPix, as reproject_to_healpix of the package reproject does."
         )
 
     def described(self, unit):
@@ -152,7 +151,7 @@ class ImagePixels:
         return f"images in {unit}, {self} of {columns:.3g} x {rows:.3g} deg"
 
     def same(self, other):
-        """Whether other pixels lie where these do: at the corners, the edges and the middle of the image."""
+        """Whether other pixels lie where these do, at the corners, the edges and the middle of the image."""
         if not isinstance(other, ImagePixels) or self.shape != other.shape:
             return False
         names, others = ([*map(str, one.celestial.wcs.ctype), one.frame] for one in (self, other))
@@ -203,10 +202,7 @@ def image_name(path, index, header):
 
 
 def world_of(header):
-    """The `WCS` of a header, which may have more axes than the array.
-
-    FREQ is known by other names too: in small letters, in full, and with a frame of AIPS behind it.
-    """
+    """The `WCS` of a header, which may have more axes than the array, and FREQ by other names (`_FREQ`)."""
     header = header.copy()
     frame_of(header.get("RADESYS"), name="RADESYS")  # astropy leaves out what is no text, and keeps any text
     if "EQUINOX" in header:
@@ -215,8 +211,7 @@ def world_of(header):
         name = str(header[key]).strip().upper()
         if name.endswith("-TAB"):
             raise InputError(
-                f"{key} of an image is {name}, coordinates in a table: make it blank in the header, and give "
-                "the frequencies of its channels (--freqs)."
+                f"{key} of an image is {name}, coordinates in a table: make it blank, and give --freqs."
             )
         header[key] = _FREQ.sub("FREQ", name)
     try:
@@ -224,8 +219,7 @@ def world_of(header):
     except WcsError as error:
         why = " ".join(str(error).split())
         raise InputError(
-            f"the world coordinates of an image cannot be understood ({why}): correct CTYPE, CUNIT and the "
-            "like in its header."
+            f"the world coordinates of an image cannot be understood ({why}): correct CTYPE, CUNIT and so on."
         ) from None
     world.pixel_shape = None  # astropy takes no part of one that is shorter than its axes
     return world

@@ -37,20 +37,10 @@ def weight_datasets(path, weights, flags):
 def voxel_weights(shape, layout, *, weights=None, flags=None, rotate=False):
     """Weights of the voxels of a cube, (n_in_file, n_pix) float64, RING, 0 where flagged, and its `Layout`.
 
-    The layout has the frame of the weights where it had none, and says so.
-
-    Parameters
-    ----------
-    shape, layout
-        Of the maps of `himap.cubes.files.read_file`, and theirs, complete.
-    weights, flags, rotate
-        As of `himap.cubes.read_cube`; those of images are (n_y, n_x) or (n_channels, n_y, n_x).
-
-    Raises
-    ------
-    InputError
-        A file that cannot be read, is of another nside, of other channels or of something else than weights
-        or flags.
+    `shape` and `layout` are those of the maps of `himap.cubes.files.read_file`, complete; the layout then has
+    the frame of the weights where it had none, and says so. The others are as of `himap.cubes.read_cube`;
+    those of images are (n_y, n_x) or (n_channels, n_y, n_x). An InputError for what cannot be read, is of
+    another nside or of other channels, or is neither weights nor flags.
     """
     out = np.ones(shape)
     for word, given in {"weights": weights, "flags": flags}.items():
@@ -63,9 +53,9 @@ def voxel_weights(shape, layout, *, weights=None, flags=None, rotate=False):
 def read_mask(path, layout, *, rotate=False):
     """The mask in a file, (n_pix,) bool, RING, True where kept, and the `Layout` of the cube.
 
-    A FITS file has a HEALPix map, or an image, of 1 (kept) and 0, or of logical values; UNSEEN, NaN and
-    pixels that a partial file leaves out are not kept. A .npy file has them in the order of the cube's own
-    file. The layout has the frame of the mask where it had none, and says so.
+    A FITS file has a HEALPix map, or an image, of 1 (kept) and 0, or of logical values; UNSEEN, NaN and what
+    a partial file leaves out is not kept. A .npy file has them in the order of the cube's own file. The
+    layout then has the frame of the mask where it had none, and says so.
 
     Raises
     ------
