@@ -142,13 +142,7 @@ def _data_of(cube, method, beams, seed=0):
 
 
 def method_for(cube, method, *, beams=None, **parameters):
-    """The `ForegroundRemover` called `method`, if it can clean `cube` with these `beams`.
-
-    Raises
-    ------
-    InputError
-        It cannot, or there is none of that name or with these parameters.
-    """
+    """The `ForegroundRemover` called `method`; an InputError for none, or one that cannot clean `cube`."""
     if not isinstance(cube, Cube):
         raise InputError(f"the cube must be a Cube, as read_cube gives it, got {type(cube).__name__}.")
     if not isinstance(method, str | ForegroundRemover):
@@ -161,14 +155,13 @@ def method_for(cube, method, *, beams=None, **parameters):
     remover.check(n_channels)
     if getattr(remover, "n_sources", 0) == n_channels:
         raise InputError(
-            f"n_sources must be below the number of channels, {n_channels}: as many hold all of the cube, HI "
-            "and noise too."
+            f"n_sources must be below the number of channels, {n_channels}: as many hold HI and noise too."
         )
     by_line = hasattr(remover, "n_sources") and not remover.uses & {"sphere", "neighbours"}
     if by_line and n_seen < n_channels:  # a few of the spectra would explain all lines of sight
         raise InputError(
-            f"{remover.name} finds spectra in the lines of sight, and of these only {n_seen} are seen, fewer "
-            f"than the {n_channels} channels: HI would be removed as foreground. Keep more of the sky."
+            f"{remover.name} finds spectra in the lines of sight, and only {n_seen} are seen, fewer than the "
+            f"{n_channels} channels: HI would be removed as foreground. Keep more of the sky."
         )
     if beams is not None and "beams" in remover.uses:
         _check_reach("beams", np.asarray(beams), cube)
@@ -191,20 +184,15 @@ def check_pixels(cube, remover):
         able = [name for name in available() if "sphere" not in REGISTRY[name].uses]
         raise InputError(
             f"{remover.name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
-            f"{', '.join(able[:-1])} or {able[-1]}, or put the cube on HEALPix, as reproject_to_healpix of "
-            "the package reproject does."
+            f"{', '.join(able[:-1])} or {able[-1]}, or put the cube on HEALPix (reproject_to_healpix of the "
+            "package reproject)."
         )
 
 
 def with_enough_channels(cube, method, *, peaks=True):
-    """The `Cube` without the pixels of which too many channels are missing for a `ForegroundRemover`.
+    """The `Cube` without the pixels with too few channels for a `ForegroundRemover`, and to mask peaks.
 
-    With `peaks` for the masking of peaks too.
-
-    Raises
-    ------
-    InputError
-        None is left, or a channel sees none of them.
+    An InputError where no pixel or one channel remains.
     """
     least = method.least_channels(len(cube.freqs))
     if peaks and len(cube.freqs) >= _LEAST_FOR_PEAKS:
@@ -234,16 +222,14 @@ def beams_of(cube, beam, *, dish=None):
         beam = beam if isinstance(beam, Beam) else all_beams.named(beam)
     except TypeError as error:
         raise InputError(
-            f"the beam {beam!r} says too little ({error}): give NAME:PARAMETER=VALUE, or in the place of "
-            "`file` the path of the file itself."
+            f"the beam {beam!r} says too little ({error}): give NAME:PARAMETER=VALUE, or for `file` its path."
         ) from None
     if dish is not None and not beam.follows_dish:
         able = [name for name in all_beams.available() if all_beams.base.REGISTRY[name].follows_dish]
         raise InputError(f"dish= is for the beams that follow from it: {', '.join(able)}.")
-    layout, lmax = cube.layout, 3 * cube.nside - 1
-    options = {"lmax": lmax, "dish_diameter": DISH if dish is None else dish}
+    options = {"lmax": 3 * cube.nside - 1, "dish_diameter": DISH if dish is None else dish}
     if beam.by_line:
-        beams = beam.windows(layout.freqs, **options).total[layout.channels]
+        beams = beam.windows(cube.layout.freqs, **options).total[cube.layout.channels]
     else:
         beams = beam.windows(cube.freqs, **options).total
     _check_reach(beam, beams, cube)

@@ -30,10 +30,8 @@ class ImagePart:
 
     Attributes
     ----------
-    path, index
-        The file and the HDU.
-    header
-        Of the HDU.
+    path, index, header
+        The file, the HDU and its header.
     shape
         Of its array in the order of its world coordinates, with axes of length one that it lacks.
     turn

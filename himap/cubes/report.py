@@ -35,6 +35,10 @@ _SPECTRA = (
     "A smooth, steep rise towards the smallest k is foreground residual; a dip there is signal that "
     "was removed. A bump at one k is a ripple of the instrument."
 )
+_ANGULAR = (
+    " A rise towards the largest multipoles, after a method that uses the beam, means that the beam is not "
+    "that of the cube."
+)
 _WEDGE = (
     "Foreground residual fills the smallest k_par, and where the beam changes with frequency a wedge "
     "above them."
@@ -86,10 +90,8 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None)
 
     Parameters
     ----------
-    cleaned
-        The `CleanedCube`.
-    path
-        Of the page.
+    cleaned, path
+        The `CleanedCube`, and where to write.
     truth
         A `Cube` of what a perfect cleaning would leave.
     spectra
@@ -137,17 +139,12 @@ def _rms(maps, missing):
 def _spectra_parts(cleaned, spectra, truth):
     """All spectra, and their ratios to the truth where it is known."""
     on_plane = cleaned.cube.image is not None
-    alt, text = ("Frequency" if on_plane else "Angular and frequency") + " power spectrum", _SPECTRA
-    if not on_plane:
-        text += " A rise towards the largest multipoles, after a method that uses the beam, means that the "
-        text += "beam is not that of the cube."
-    parts = [figure(spectra_figure(spectra), alt, text, title="Spectra")]
+    alt, text = ("Frequency", _SPECTRA) if on_plane else ("Angular and frequency", _SPECTRA + _ANGULAR)
+    parts = [figure(spectra_figure(spectra), f"{alt} power spectrum", text, title="Spectra")]
     if isinstance(spectra, Comparison):
         means = band_means(spectra.ratios, spectra.degrees, spectra.k)
-        parts += [
-            "<h3>Over the truth</h3>",
-            Table([], [(name, f"{mean:.3f}") for name, mean in means.items()]),
-        ]
+        rows = [(name, f"{mean:.3f}") for name, mean in means.items()]
+        parts += ["<h3>Over the truth</h3>", Table([], rows)]
     return [*parts, cylindrical_part(cleaned, truth)] if on_plane else parts
 
 
@@ -171,8 +168,8 @@ def cylindrical_part(cleaned, truth=None):
         unit=r"$P$ [mK$^2$ (Mpc/$h$)$^3$]",
         ratio=ratio,
     )
-    text = _about_patches(cube, n_patches)
-    return figure(picture, "P(k_perp, k_par)", text, title="Across and along the line of sight")
+    title = "Across and along the line of sight"
+    return figure(picture, "P(k_perp, k_par)", _about_patches(cube, n_patches), title=title)
 
 
 def _about_patches(cube, n_patches):
@@ -237,19 +234,16 @@ def modes_figure(cleaned):
 
 def maps_figure(cleaned):
     """The residual in the channel in the middle, and its rms over channels; empty where nothing is seen."""
-    cube, middle = cleaned.cube, len(cleaned.cube.freqs) // 2
+    cube, middle, maps = cleaned.cube, len(cleaned.cube.freqs) // 2, {}
     n_seen = len(cube.freqs) if cube.missing is None else np.count_nonzero(~cube.missing, axis=0)
     seen = {
-        f"residual at {cube.freqs[middle]:g} MHz": cleaned.residual[middle].copy(),
+        f"residual at {cube.freqs[middle]:g} MHz": cleaned.residual_with_nan[middle],
         "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / n_seen),
     }
-    if cube.missing is not None:
-        next(iter(seen.values()))[cube.missing[middle]] = np.nan
-    maps = {title: np.full(len(cube.mask), np.nan) for title in seen}
     for title, values in seen.items():
-        maps[title][cube.mask] = values
+        maps[title] = np.full(cube.layout.pixels.shape, np.nan)
+        maps[title].flat[cube.mask] = values
     spans = {title: tuple(np.nanpercentile(values, (1, 99))) for title, values in seen.items()}
     if cube.image is None:
         return plotting.sky_maps(maps, span=spans)
-    images = {title: values.reshape(cube.image.shape) for title, values in maps.items()}
-    return planes.sky_images(images, cube.layout.pixels.celestial, span=spans)
+    return planes.sky_images(maps, cube.layout.pixels.celestial, span=spans)

@@ -25,12 +25,7 @@ _ALIKE = 1e-5  # relative: the same maps but for rounding
 def spectra_of(cleaned, near=None):
     """The `PowerSpectra` of a `CleanedCube`: C_l, decoupled with a mask, and P(k_nu); of an image no C_l.
 
-    Parameters
-    ----------
-    cleaned
-        The `CleanedCube`.
-    near
-        As of `analysed`, of maps that differ by a few spectra: only these are then analysed.
+    With `near`, as of `analysed`, of maps that differ by a few spectra, only these are analysed.
     """
     return power_spectra(cleaned.cube, cleaned.residual, near)
 
@@ -72,17 +67,7 @@ def scales(cleaned, near=None):
 def compared(cleaned, truth):
     """The `Comparison` of the spectra of a `CleanedCube` with those of the truth; of an image without C_l.
 
-    Parameters
-    ----------
-    cleaned
-        The `CleanedCube`.
-    truth
-        A `Cube` of what a perfect cleaning would leave, with the same channels.
-
-    Raises
-    ------
-    InputError
-        A truth of other pixels, other channels, or that does not see what was cleaned.
+    The truth is a `Cube` of what a perfect cleaning would leave; errors as of `check_truth`.
     """
     cube = cleaned.cube
     check_truth(cube, truth)
@@ -92,12 +77,9 @@ def compared(cleaned, truth):
 
 
 def check_truth(cube, truth, label="the truth"):
-    """Refuse a truth, a `Cube`, that is not one of `cube`; errors call it `label`.
+    """Refuse a truth, a `Cube` that errors call `label`, which is none of `cube`.
 
-    Raises
-    ------
-    InputError
-        It has another resolution or other channels, does not see what the cube does, or is the cube itself.
+    It may have other pixels, channels or frames, not see what the cube does, or be the cube itself.
     """
     pixels, others = cube.layout.pixels, truth.layout.pixels
     if not pixels.same(others) or len(truth.freqs) != len(cube.freqs):
@@ -105,24 +87,18 @@ def check_truth(cube, truth, label="the truth"):
             f"{label} must have the channels and the {pixels.grid} of the cube, {len(cube.freqs)} and "
             f"{pixels}; got {len(truth.freqs)} and {others}."
         )
-    differs = ~same_freqs(truth.freqs, cube.freqs)
-    if differs.any():
-        channel = int(differs.argmax())
-        raise InputError(
-            f"{label} must have the frequencies of the cube, got {truth.freqs[channel]:.10g} MHz where "
-            f"that has {cube.freqs[channel]:.10g}."
-        )
+    for one, other in zip(truth.freqs, cube.freqs, strict=True):
+        if not same_freqs(one, other):
+            raise InputError(
+                f"{label} must have the frequencies of the cube, "
+                f"got {one:.10g} MHz where that has {other:.10g}."
+            )
     cube.layout.joined(label, others.frame, truth.layout.spectral_frame)  # refuses others
     if (cube.mask & ~truth.mask).any():
-        way_out = (
-            "" if cube.missing is None else ", with any number in missing voxels, where it counts nothing"
-        )
-        raise InputError(f"{label} must see all pixels of the cube{way_out}.")
-    seen = cube.mask[truth.mask]
-    if all(
-        np.allclose(true[seen], pixels, rtol=_ALIKE, atol=0)
-        for true, pixels in zip(truth.maps, cube.maps, strict=True)
-    ):
+        gaps = "" if cube.missing is None else ", with any number in missing voxels, where it counts nothing"
+        raise InputError(f"{label} must see all pixels of the cube{gaps}.")
+    seen, pairs = cube.mask[truth.mask], zip(truth.maps, cube.maps, strict=True)
+    if all(np.allclose(true[seen], pixels, rtol=_ALIKE, atol=0) for true, pixels in pairs):
         raise InputError(
             f"{label} is the cube itself: give what a perfect cleaning would leave, HI and noise."
         )
@@ -133,10 +109,8 @@ def patch_power(cube, maps):
 
     Parameters
     ----------
-    cube
-        The `Cube`.
-    maps
-        (n_channels, n_seen), mK, of its seen pixels.
+    cube, maps
+        A `Cube`, and maps of its seen pixels, (n_channels, n_seen), mK.
 
     Returns
     -------

@@ -3,18 +3,17 @@
 Eigenvalues
     Of the channel covariance: HI and noise decline slowly and evenly with the number of the component,
     foregrounds exceed that line. For a method that knows the beam the covariance is that of maps at one
-    resolution, of the worst channel, where the components that a changing beam adds are none.
+    resolution, of the worst channel, without the components that a changing beam adds.
 Information criterion
     Bayesian (BIC), for any method: ln of the variance left, in the mean over channels, plus ln(n_pix) / n_pix
     for each number in the mixing matrix and the sources, over the number of channels. It falls while a source
     explains more than it costs.
 Stability
-    How much both recovered spectra move from one n_s to the next. They fall steeply while there is foreground
-    residual, then hardly, and slowly from where signal is lost. It shows where no number is good.
+    How much both recovered spectra move from one n_s to the next: steeply while there is foreground residual,
+    then hardly, and slowly from where signal is lost. It shows where no number is good.
 
-With weights and flags each is of the weighted problem: the eigenvalues of the covariance of what is there
-(`himap.removal.weighted_pca.seen_covariance`), weighted variances and as many samples as there are, and
-spectra with 0 in the gaps, whatever the number.
+With weights and flags covariance (`himap.removal.weighted_pca.seen_covariance`) and variances are weighted,
+only voxels that are there count as samples, and spectra have 0 in the gaps.
 """
 
 from dataclasses import dataclass
@@ -62,7 +61,7 @@ class Suggestion:
     stable
         The first number from which the spectra change by less than `STABLE` to the next, or None.
     method
-        Name of the method that it is for.
+        Its name.
     at_one_resolution
         Whether the eigenvalues are those of maps at one resolution.
     widths
@@ -90,22 +89,20 @@ class Suggestion:
 
     @property
     def criterion_alone(self):
-        """Whether the criterion decides, for a method that knows the beam.
+        """Whether the criterion decides: for a method that knows the beam, whose residual it is of.
 
-        It is of what that method leaves. So it does where the spectra change by less than `STABLE` with one
-        source more than it says, or where the eigenvalues are not at one resolution and have what the beam
-        adds.
+        There it does if the spectra change by less than `STABLE` with one source more than it says, or if the
+        eigenvalues are not at one resolution and have what the beam adds.
         """
         moves = self.change[self.n_sources[:-1] == self.best]
         return self.widths is not None and (not self.at_one_resolution or bool((moves < STABLE).any()))
 
     @property
     def range(self):
-        """(low, high): the number that the criterion and the eigenvalues agree on, or from one to the other.
+        """(low, high): from the number of the criterion to that of the eigenvalues; None for none.
 
-        Twice that of the criterion where this decides alone. None where they disagree and no spectrum is
-        stable, or where the criterion falls to the last number that was tried and the eigenvalues do not say
-        fewer.
+        Twice the former where it decides alone. None where they disagree and no spectrum is stable, or where
+        the criterion falls to the last number that was tried and the eigenvalues do not say fewer.
         """
         bright = self.best if self.criterion_alone else self.n_bright
         if self.best == self.n_sources[-1] and bright >= self.best:
@@ -117,13 +114,10 @@ class Suggestion:
 
 
 def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **parameters):
-    """Which numbers of sources to consider for a cube, without the truth.
+    """Which numbers of sources to consider for a cube and this method and beam, without the truth.
 
-    Recommended is what the least criterion and the eigenvalues above HI and noise say, one number where they
-    agree; none where they do not and no number leaves both spectra as they are with one more, to 10 %. It is
-    for this method and beam only. For a method that knows the beam, eigenvalues of a whole sky are those of
-    the maps at the resolution of the worst channel, to l = 2 nside, and where they disagree the criterion
-    decides (`Suggestion.criterion_alone`).
+    Recommended is the `Suggestion.range`. For a method that knows the beam, eigenvalues of a whole sky are
+    those of the maps at the resolution of the worst channel, to l = 2 nside, and the criterion may decide.
 
     Parameters
     ----------
@@ -172,17 +166,15 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         pairs = zip(cleaned.residual, weights, strict=True)
         variances.insert(0, [np.cov(channel, aweights=some, ddof=0) for channel, some in pairs])
         spectra.insert(0, scales(cleaned, near))
-    change, n_seen = changes(spectra), None
-    if cube.missing is not None:
-        n_seen = np.count_nonzero(~cube.missing, axis=1)
+    change = changes(spectra)
+    n_seen = None if cube.missing is None else np.count_nonzero(~cube.missing, axis=1)
     criterion = information(np.array(variances), counts, cube.maps.shape[1], n_seen=n_seen)
-    knows_beam = "beams" in remover.uses
     widths = None
-    if knows_beam:
+    if "beams" in remover.uses:
         fwhm = np.rad2deg(gaussian_widths(beams))
         widths = float(fwhm.min()), float(fwhm.max())
     # The edge of a part of the sky would exceed the line too, once maps are re-convolved.
-    at_one = knows_beam and cube.whole_sky
+    at_one = widths is not None and cube.whole_sky
     if cube.weights is not None:  # what more sources than that make of noise in a gap would exceed the line
         best = cleaning.with_sources(int(counts[criterion.argmin()])).separation
         values = np.linalg.eigvalsh(seen_covariance(cube.maps, cube.weights, best))[::-1]

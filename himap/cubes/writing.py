@@ -32,13 +32,7 @@ def companion(path, ending):
 
 
 def check_columns(cube, path):
-    """Refuse a file in FITS for HEALPix maps of more channels than its table can have columns.
-
-    Raises
-    ------
-    InputError
-        Where to write them instead.
-    """
+    """Refuse a file in FITS for HEALPix maps of more channels than its table can have columns."""
     pixels = cube.layout.pixels
     n_columns = len(cube.layout.freqs) + bool(pixels.whole_sky and pixels.partial)
     if pixels.whole_sky and ending_of(Path(path)).startswith(".fits") and n_columns > _COLUMNS:
@@ -86,8 +80,8 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(
-            f"the output {path} cannot be written ({reason}): is {folder} a folder that can be, and the "
-            "name one that a file can have?"
+            f"the output {path} cannot be written ({reason}): choose another name, or another folder than "
+            f"{folder}."
         ) from None
     originals = {Path(os.path.realpath(each)) for each in inputs if os.path.lexists(each)}
     for each, place in zip(paths, places, strict=True):
@@ -98,17 +92,12 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
 
 
 def save_cleaned(cleaned, path, *, overwrite=False):
-    """Write a `CleanedCube`: residual, foreground and mixing matrix.
+    """Write a `CleanedCube`: residual, foreground and mixing matrix; a list of the paths is returned.
 
     Channels, pixels and units are as in the file that the cube came from, and so is the header of an image;
     pixels that were not seen are NaN (of HEALPix in FITS: UNSEEN). Of a voxel that was missing the residual
     is NaN, the foreground what was estimated of it. An HDF5 file holds it all; with FITS and .npy come
     NAME_foreground and NAME_mixing.txt.
-
-    Returns
-    -------
-    list
-        The paths that were written.
 
     Raises
     ------
