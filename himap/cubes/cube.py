@@ -127,32 +127,31 @@ class Cube:
 
     def _of(self, kept, remark):
         """The same of the pixels in `kept`, all of them seen, without the channels that see none of them."""
-        seen, layout, said = kept[self.mask], self.layout, [remark]
-        maps, freqs, weights = self.maps[:, seen], self.freqs, self.weights
-        if weights is not None:
-            weights = weights[..., seen]
-            some = np.broadcast_to(np.atleast_2d(weights).any(axis=1), freqs.shape)
+        seen, outdated, said = kept[self.mask], _remarks_on(self), [remark]
+        cube = replace(self, maps=self.maps[:, seen], mask=kept)
+        if self.weights is not None:
+            weights = self.weights[..., seen]
+            some = np.broadcast_to(np.atleast_2d(weights).any(axis=1), self.freqs.shape)
             if some.sum() < 2:
                 raise InputError("fewer than two channels have data in the pixels that are kept.")
             if not some.all():
-                maps, freqs, weights = maps[some], freqs[some], weights[some]
-                layout = replace(layout, channels=layout.channels[some])
+                cube, weights = cube._of_channels(some), weights[some]
                 said.append(f"{(~some).sum()} channels have no data there and are left out.")
-            weights = checked_weights(weights, maps.shape)[1]
-        cube, outdated = replace(self, maps=maps, freqs=freqs, mask=kept, weights=weights), _remarks_on(self)
+            cube = replace(cube, weights=checked_weights(weights, cube.maps.shape)[1])
         remarks = [one for one in self.remarks if one not in outdated]
-        return replace(cube, layout=replace(layout, remarks=(*remarks, *_remarks_on(cube), *said)))
+        return replace(cube, layout=replace(cube.layout, remarks=(*remarks, *_remarks_on(cube), *said)))
+
+    def _of_channels(self, kept):
+        """The same of some channels, but for its weights."""
+        layout = replace(self.layout, channels=self.layout.channels[kept])
+        return replace(self, maps=self.maps[kept], freqs=self.freqs[kept], layout=layout)
 
     def channels_of(self, other):
         """The same `Cube` without the channels that the file of `other` has, but `other` has not."""
         if len(other.freqs) == len(other.layout.freqs):
             return self
-        near, known = (
-            same_freqs(self.freqs[:, None], one.freqs).any(axis=1) for one in (other, other.layout)
-        )
-        kept = near | ~known
-        layout = replace(self.layout, channels=self.layout.channels[kept])
-        return replace(self, maps=self.maps[kept], freqs=self.freqs[kept], layout=layout)
+        known, near = (same_freqs(self.freqs[:, None], one.freqs) for one in (other.layout, other))
+        return self._of_channels(near.any(axis=1) | ~known.any(axis=1))
 
     def in_frame_of(self, other, label, *, rotate=False):
         """The same `Cube`, a truth or mock of `other`, in the frame of coordinates of that; `label` names it.
