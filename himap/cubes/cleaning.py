@@ -222,7 +222,8 @@ def beams_of(cube, beam, *, dish=None):
         beam = beam if isinstance(beam, Beam) else all_beams.named(beam)
     except TypeError as error:
         raise InputError(
-            f"the beam {beam!r} says too little ({error}): give NAME:PARAMETER=VALUE, or for `file` its path."
+            f"the beam {beam!r} says too little ({error}): give NAME:PARAMETER=VALUE, or in the place of "
+            "`file` the path of the file itself."
         ) from None
     if dish is not None and not beam.follows_dish:
         able = [name for name in all_beams.available() if all_beams.base.REGISTRY[name].follows_dish]
