@@ -4,6 +4,7 @@ import healpy as hp
 import numpy as np
 
 from himap.maps import sphere
+from himap.measures.diagnostics import Comparison
 from himap.measures.transfer import HarmonicPower, MockPower
 
 BANDS = [(0, 2), (2, 5), (5, 10), (10, 20), (20, 40), (40, 90)]  # |b|, deg
@@ -18,6 +19,13 @@ def bands(pixels):
     nside = sphere.nside_of(pixels)
     latitude = np.abs(hp.pix2ang(nside, np.arange(len(pixels)), lonlat=True)[1])
     return [pixels[(latitude >= low) & (latitude < high)] for low, high in BANDS]
+
+
+def comparison(degrees, angular, k=(1.0,), frequency=(1.0,)):
+    """A `Comparison` with a truth of 1."""
+    degrees, angular, k, frequency = (np.asarray(values) for values in (degrees, angular, k, frequency))
+    true = {"true_angular": np.ones(len(degrees)), "true_frequency": np.ones(len(k))}
+    return Comparison(degrees=degrees, angular=angular, k=k, frequency=frequency, **true)
 
 
 def lognormal(nside, seed=1, width=0.4):
@@ -43,6 +51,12 @@ def line_errors(recovered, true):
 def correlation(recovered, true):
     """Pearson r of recovered and true map in every channel, (n_channels,)."""
     return np.array([np.corrcoef(one, two)[0, 1] for one, two in zip(recovered, true, strict=True)])
+
+
+def maps_through(beams, alms, nside):
+    """Maps (n_channels, n_pix) of coefficients (n_channels, n_alm), with beams (n_channels, lmax + 1)."""
+    seen = (sphere.multiply_beam(alm, beam) for alm, beam in zip(alms, beams, strict=True))
+    return np.array([sphere.synthesise(alm, nside) for alm in seen])
 
 
 def convolve(maps, beams):

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz
+from skies import maps_through
 
 from himap.maps import sphere
 
@@ -32,17 +33,12 @@ def make_sky(rng, n_components=3, brightness=1e3):
     """`maps` of all, `truth` and `foreground` (n_channels, n_pix), mK, and the coefficients `hi` of truth."""
     degree = np.arange(LMAX + 1)
     white, red = (degree > 0).astype(float), np.where(degree > 0, np.maximum(degree, 1.0) ** -2.4, 0)
-    hi = [
-        sphere.multiply_beam(alm, beam)
-        for alm, beam in zip(fields(hi_covariance(), white, rng), BEAMS, strict=True)
-    ]
+    hi = np.array(list(map(sphere.multiply_beam, fields(hi_covariance(), white, rng), BEAMS)))
     spectra = brightness * (FREQS / 1150)[:, None] ** np.array(INDICES[:n_components])
     sources = np.array([sphere.gaussian_alm(red, rng) for _ in range(n_components)])
-    bright = [sphere.multiply_beam(row @ sources, beam) for row, beam in zip(spectra, BEAMS, strict=True)]
-    truth, foreground = (np.array([sphere.synthesise(alm, NSIDE) for alm in alms]) for alms in (hi, bright))
-    return SimpleNamespace(
-        maps=(truth + foreground).astype(np.float32), truth=truth, foreground=foreground, hi=np.array(hi)
-    )
+    truth, foreground = sphere.synthesise(hi, NSIDE), maps_through(BEAMS, spectra @ sources, NSIDE)
+    maps = (truth + foreground).astype(np.float32)
+    return SimpleNamespace(maps=maps, truth=truth, foreground=foreground, hi=hi)
 
 
 def check_mean(linear):

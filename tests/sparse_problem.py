@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.linalg import subspace_angles
+from skies import maps_through
 
 from himap.maps import sphere
 from himap.removal import harmonic
@@ -26,11 +27,7 @@ def make_problem(rng, nside=NSIDE):
     mixing = rng.random((8, 4)) + 0.1
     mixing /= np.linalg.norm(mixing, axis=0)
     alms = sparse_sources(rng, nside=nside, lmax=lmax)
-    maps = [
-        sphere.synthesise(sphere.multiply_beam(row @ alms, beam), nside)
-        for row, beam in zip(mixing, beams, strict=True)
-    ]
-    return np.array(maps), mixing, harmonic.to_modes(alms), beams
+    return maps_through(beams, mixing @ alms, nside), mixing, harmonic.to_modes(alms), beams
 
 
 def noisy(maps, decibel, rng):

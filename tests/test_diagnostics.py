@@ -2,17 +2,11 @@
 
 import numpy as np
 import pytest
+from skies import comparison
 
 from himap.measures import diagnostics
 from himap.measures.diagnostics import Comparison, band_means, bands
 from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
-
-
-def comparison(degrees, angular, k=(1.0,), frequency=(1.0,)):
-    """A `Comparison` with a truth of 1."""
-    degrees, angular, k, frequency = (np.asarray(values) for values in (degrees, angular, k, frequency))
-    true = {"true_angular": np.ones(len(degrees)), "true_frequency": np.ones(len(k))}
-    return Comparison(degrees=degrees, angular=angular, k=k, frequency=frequency, **true)
 
 
 @pytest.mark.parametrize("errors", [[1.0] * 18 + [0.9, 30.0], [10.0] * 19 + [0.0]], ids=["above", "below"])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from skies import maps_through
 
 from himap.core.survey import Survey
 from himap.instrument.beams import Degraded
@@ -23,8 +24,7 @@ CASE = pipeline.Case(survey=SMALL)
 def test_every_component_draws_from_its_own_stream():
     seen = pipeline.observation(replace(CASE, beam=Evolving()))
     alms = sphere.analyse(pipeline.hi_of_sky(SMALL.sky), n_iter=sphere.N_ITER_FLAT)
-    blurred = [sphere.multiply_beam(alm, beam) for alm, beam in zip(alms, seen.beams, strict=True)]
-    signal = sphere.synthesise(np.array(blurred), SMALL.nside)
+    signal = maps_through(seen.beams, alms, SMALL.nside)
     assert seen.truth - signal == pytest.approx(noise_maps(SMALL, SMALL.rng("noise")), abs=1e-6)
     *galaxy, sources = pipeline.components_of_sky(SMALL.sky, Galaxy())
     assert [one.name for one in (*galaxy, sources)] == ["synchrotron", "free-free", "point sources"]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, run, write_hdf5
+from skies import maps_through
 
 from himap.core.errors import InputError
 from himap.cubes import beam_sensitivity, beams_of, clean_cube, read_cube
@@ -16,18 +17,12 @@ from himap.measures.transfer import harmonic_power
 @pytest.fixture
 def path(rng, tmp_path):
     """Two power laws with structure on all scales, seen through the evolving beam, and noise."""
-    sharp = [
-        sphere.synthesise(sphere.gaussian_alm(1e8 / np.arange(1, 2 * NSIDE) ** 2, rng), NSIDE)
-        for _ in range(2)
-    ]
+    sources = np.array([sphere.gaussian_alm(1e8 / np.arange(1, 2 * NSIDE) ** 2, rng) for _ in range(2)])
     spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
     windows = Evolving().windows(FREQS, lmax=3 * NSIDE - 1).total
-    maps = [
-        sphere.synthesise(sphere.multiply_beam(sphere.analyse(one), window), NSIDE)
-        for one, window in zip(spectra @ np.array(sharp), windows, strict=True)
-    ]
     noise = rng.normal(scale=0.05, size=(len(FREQS), N_PIX))
-    return write_hdf5(tmp_path / "cube.h5", (np.array(maps) + noise).astype(np.float32))
+    maps = maps_through(windows, spectra @ sources, NSIDE) + noise
+    return write_hdf5(tmp_path / "cube.h5", maps.astype(np.float32))
 
 
 def cleaned_with(cube, beam, method="beam_subspace", **parameters):
