@@ -1,4 +1,4 @@
-"""The Galaxy as a choice: what PySM gives, and its dimmed plane."""
+"""The Galaxy as a choice: what PySM gives, and its dimmed plane; emission as spectra times maps."""
 
 import time
 
@@ -9,6 +9,7 @@ from himap.core.errors import InputError
 from himap.core.survey import Survey
 from himap.maps import sphere
 from himap.paper import pipeline
+from himap.sky.emission import PowerLaw, emission_maps, emission_modes
 from himap.sky.galaxy import Dimming, Galaxy
 
 SMALL = Survey(nside=16, n_channels=20, box_cells=32)
@@ -48,3 +49,19 @@ def test_only_foregrounds_are_dimmed():
     assert np.array_equal(seen.truth, fainter.truth)
     near = np.abs(sphere.pixel_latitude(16)) < 5
     assert fainter.maps[:, near].mean() < 0.2 * seen.maps[:, near].mean()
+
+
+def test_few_modes_add_up_to_the_emission(rng):
+    bright, scatter = np.exp(rng.standard_normal(500)), rng.standard_normal(500)
+    freqs = np.linspace(902, 1398, 100)
+    components = [
+        PowerLaw(name="synchrotron", amplitude=1e6 * bright, freq_ref=408.0, index=-3 + 0.1 * scatter),
+        PowerLaw(name="free-free", amplitude=bright, freq_ref=30e3, index=-2.14),
+        PowerLaw(name="sources", amplitude=100 * bright, freq_ref=1400.0, index=-2.7 + 0.4 * scatter),
+    ]
+    spectra, maps = emission_modes(components, freqs)
+    exact = sum(one.amplitude * (freqs[:, None] / one.freq_ref) ** one.index for one in components)
+    assert spectra @ maps == pytest.approx(exact, rel=1e-11)
+    assert (spectra @ maps).astype(np.float32) == pytest.approx(emission_maps(components, freqs), rel=3e-7)
+    assert len(maps) < 15
+    assert len(emission_modes(components[1:2], freqs)[1]) == 1

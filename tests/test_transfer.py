@@ -1,7 +1,11 @@
-"""Signal loss from mocks: against closed forms, and what a slow twin measures on the cubes."""
+"""Signal loss, from mocks and of linear filters: against closed forms, and what is measured on cubes."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from smooth_problem import FREQS, hi_covariance
+from smooth_problem import WIDTH as CHANNEL_WIDTH
 
 from himap.core.errors import InputError
 from himap.maps import sphere
@@ -11,9 +15,12 @@ from himap.measures.transfer import (
     HarmonicPower,
     MockPower,
     TransferFunction,
+    expected_mock_power,
     harmonic_power,
     mock_power,
 )
+from himap.removal.smooth_spectra import smooth_basis
+from himap.removal.spectral_filter import SpectralFilter
 
 NSIDE, N_CHANNELS, WIDTH = 16, 11, 2.5
 LMAX = 12  # pixels hold this exactly enough
@@ -131,9 +138,57 @@ class TestTransferFunction:
         assert found.sample("angular")[:, 2] == pytest.approx([-(0.5**0.5), 0.5**0.5])
 
 
-class TestRatios:
-    def test_of_output_and_cross(self):
-        found = made_up(0.8, noise=0.1)
-        for part, expected in (("output", 0.74), ("cross", 0.8)):
-            for ratio in found.ratios(part).values():
-                assert np.isnan(ratio[0]) and ratio[1:] == pytest.approx(expected)
+def test_ratios_of_output_and_cross():
+    found = made_up(0.8, noise=0.1)
+    for part, expected in (("output", 0.74), ("cross", 0.8)):
+        for ratio in found.ratios(part).values():
+            assert np.isnan(ratio[0]) and ratio[1:] == pytest.approx(expected)
+
+
+class TestExpected:
+    """What a linear filter keeps of HI: closed forms, and Gaussian fields that go through it."""
+
+    @staticmethod
+    def filter_of(spectra, estimators, faint):
+        """The same at every l, as a separation."""
+        linear = SpectralFilter(
+            spectra=np.array([spectra] * (LMAX + 1)),
+            estimators=np.array([estimators] * (LMAX + 1)),
+            faint=np.array([faint]),
+            first=np.array([0]),
+        )
+        return SimpleNamespace(filter=linear, mixing=spectra)
+
+    @pytest.fixture
+    def wiener(self):
+        """Of three smooth spectra, two of them bright, the third like HI."""
+        spectra, faint = smooth_basis(FREQS, 3) * [10, 3, 0.05], hi_covariance()
+        data = spectra @ spectra.T + faint
+        return self.filter_of(spectra, np.linalg.solve(data, spectra).T, faint)
+
+    def test_a_projection_of_white_noise_keeps_what_it_leaves(self):
+        basis = smooth_basis(FREQS, 4)
+        found = expected_mock_power(self.filter_of(basis, basis.T, np.eye(len(FREQS))), CHANNEL_WIDTH)
+        share = TransferFunction(mocks=(found,)).angular
+        assert share == pytest.approx(np.full(LMAX + 1, 1 - 4 / len(FREQS)))
+        assert found.output.power == pytest.approx(found.cross.power)
+
+    def test_of_gaussian_fields_it_is_the_mean(self, wiener, rng):
+        root = np.linalg.cholesky(wiener.filter.faint[0])
+        white = (sphere.gaussian_alm(np.ones(LMAX + 1), rng) for _ in range(40 * len(FREQS)))
+        alms = root @ np.array(list(white)).reshape(40, len(FREQS), -1)
+        keeps = np.eye(len(FREQS)) - wiener.filter.spectra[0] @ wiener.filter.estimators[0]
+        found = expected_mock_power(wiener, CHANNEL_WIDTH)
+        for expected, fields in ((found.input, alms), (found.output, keeps @ alms)):
+            measured = [harmonic_power(field, CHANNEL_WIDTH).power[2:].mean(axis=0) for field in fields]
+            assert np.mean(measured, axis=0) == pytest.approx(expected.power[2:].mean(axis=0), rel=0.1)
+
+    def test_the_foreground_that_is_left_fills_up_what_comes_back(self, wiener):
+        """Of a Wiener filter: what is left in all has the power that HI has in common with itself."""
+        linear = wiener.filter
+        spectra, estimators, faint = linear.spectra[0], linear.estimators[0], linear.faint[0]
+        keeps = np.eye(len(FREQS)) - spectra @ estimators
+        left = keeps @ (faint + spectra @ spectra.T) @ keeps.T
+        found = expected_mock_power(wiener, CHANNEL_WIDTH)
+        assert found.cross.angular == pytest.approx(np.full(LMAX + 1, np.trace(left) / len(FREQS)))
+        assert (found.output.angular < found.cross.angular).all()
