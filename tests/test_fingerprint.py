@@ -6,7 +6,6 @@ import pytest
 
 from himap.core import errors, survey
 from himap.core.errors import InputError
-from himap.store import sources
 from himap.store.fingerprint import CodeTree, moved
 from himap.store.store import code_digests, tree_of
 
@@ -141,18 +140,8 @@ def test_the_cells_of_a_notebook():
     assert one == tree.source_fingerprint("x = 1  # help\ny = 2", "", "# only a comment", "z = x")
     assert one != tree.source_fingerprint("x = 1", "y = 2\nz = x")
     assert tree.source_fingerprint("%magic 1") != tree.source_fingerprint("%magic 2")
-    assert tree.source_fingerprint("import himap.core.survey") != tree.source_fingerprint(
-        "import himap.core.errors"
-    )
-
-
-def test_rooms_that_cannot_change_a_number_do_not_count(monkeypatch):
-    """With all that is in them, but not what only begins alike."""
-    monkeypatch.setattr(sources, "IGNORED", {"toy.keep", "toy.bar"})
-    sources.is_ignored.cache_clear()
-    names = ["toy.keep", "toy.keep.deep", "toy.bar", "toy.keeper", "toy.keep_not.deep"]
-    assert [sources.is_ignored(name) for name in names] == [True, True, True, False, False]
-    sources.is_ignored.cache_clear()
+    one, other = (tree.source_fingerprint(f"import himap.core.{name}") for name in ("survey", "errors"))
+    assert one != other
 
 
 def test_live_objects():
@@ -177,17 +166,11 @@ FREE = [  # (code, the same in other words)
     ("return {x: y for x, y in a if x}", "return {y: x for y, x in a if y}"),
     ("g = lambda q: q + a; return g", "h = lambda q: q + a; return h"),
     ("def inner(x): return x\n    return inner(a)", "def deep(x): return x\n    return deep(a)"),
-    (
-        "try: return a\n    except ValueError as e: return e",
-        "try: return a\n    except ValueError as x: return x",
-    ),
+    ("try: g()\n    except a as e: return e", "try: g()\n    except a as x: return x"),
     ("from math import pi as p; return p", "from math import pi as q; return q"),
     ("raise ValueError(f'no {a}')", "raise ValueError('never')"),
     ("assert a, 'why'", "assert a, 'because'"),
-    (
-        "import warnings; warnings.warn('a'); return a",
-        "import warnings; warnings.warn('b', stacklevel=2); return a",
-    ),
+    ("import warnings; warnings.warn('a')", "import warnings; warnings.warn('b', stacklevel=2)"),
     ("return one(a, label='first')", "return one(a, label='second')"),
     ("b: int = 1; return b", "b = 1; return b"),
     ("return _two(a)", "return two_(a)"),
@@ -204,10 +187,7 @@ FIXED = [  # (code, other code)
     ("return lambda x: a", "return lambda y: a"),
     ("return 'x'", "return 'y'"),
     ("return max(a)", "max = min; return max(a)"),
-    (
-        "max = a\n    def g(): return min(a)\n    return max",
-        "max = a\n    def g(): return max(a)\n    return max",
-    ),
+    ("max = a\n    def g(): return min(a)", "max = a\n    def g(): return max(a)"),
     ("return [x for x in x]", "return [x for x in a]"),
     ("for wording in a: print(wording)", "for wording in a: print(wording, a)"),
     ("raise ValueError", "raise KeyError"),
