@@ -11,15 +11,8 @@ from himap.measures.diagnostics import JUDGED
 from himap.measures.spectra import angular_power
 from himap.paper import pipeline
 from himap.paper.experiment_figures import beam_errors_figure
-from himap.paper.experiments.beam_errors import (
-    EXPERIMENT,
-    assumed_beam,
-    median_over_skies,
-    recovery_assuming,
-    skies,
-    tolerated,
-    worst_excess,
-)
+from himap.paper.experiments import beam_errors
+from himap.paper.experiments.beam_errors import EXPERIMENT, recovery_assuming, tolerated, worst_excess
 from himap.paper.mocks import own_recovery
 
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
@@ -35,30 +28,29 @@ def made_up(error, excess, *, kind="width", method="beam_subspace", n_sources=3,
     ]
 
 
-class TestAssumedBeam:
-    @pytest.mark.parametrize(
-        ("beam", "kind", "error", "expected"),
-        [
-            (Oscillating(), "width", 0.01, PerturbedBeam(beam="oscillating", width=0.01)),
-            (Oscillating(), "ripple", 1e-3, PerturbedBeam(beam="oscillating", ripple=1e-3)),
-            (Oscillating(), "amplitude", 0.5, Rippled(amplitude=0.15)),
-            (Oscillating(), "phase", 0.2, Rippled(phase=0.2)),
-            (Oscillating(), "period", 0.1, Rippled(period=22)),
-            (Oscillating(), "beam", "meerkat", MeerKAT()),
-            (Rippled(amplitude=0.2, period=10), "period", 0.1, Rippled(amplitude=0.2, period=11)),
-        ],
-    )
-    def test_windows(self, beam, kind, error, expected):
-        freqs = np.linspace(900, 1400, 30)
-        found = assumed_beam(beam, kind, error).windows(freqs, lmax=50).total
-        assert found == pytest.approx(expected.windows(freqs, lmax=50).total, rel=1e-12)
+@pytest.mark.parametrize(
+    ("beam", "kind", "error", "expected"),
+    [
+        (Oscillating(), "width", 0.01, PerturbedBeam(beam="oscillating", width=0.01)),
+        (Oscillating(), "ripple", 1e-3, PerturbedBeam(beam="oscillating", ripple=1e-3)),
+        (Oscillating(), "amplitude", 0.5, Rippled(amplitude=0.15)),
+        (Oscillating(), "phase", 0.2, Rippled(phase=0.2)),
+        (Oscillating(), "period", 0.1, Rippled(period=22)),
+        (Oscillating(), "beam", "meerkat", MeerKAT()),
+        (Rippled(amplitude=0.2, period=10), "period", 0.1, Rippled(amplitude=0.2, period=11)),
+    ],
+)
+def test_the_beam_that_is_assumed(beam, kind, error, expected):
+    freqs = np.linspace(900, 1400, 30)
+    found = beam_errors.assumed_beam(beam, kind, error).windows(freqs, lmax=50).total
+    assert found == pytest.approx(expected.windows(freqs, lmax=50).total, rel=1e-12)
 
 
 @pytest.fixture(scope="module")
 def grid():
     """Two skies with two methods and three beams."""
     errors = {"width": [0.001, 0.1], "beam": ["evolving"]}
-    return skies(**TINY, methods=TWO, errors=errors, n_realisations=2)
+    return beam_errors.skies(**TINY, methods=TWO, errors=errors, n_realisations=2)
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +101,7 @@ class TestJudged:
         low = made_up(0.1, 5.0)[-1] | {"band": "C/C0, 2-4"}  # which is not judged
         table = EXPERIMENT.frame([*rows, low])
         assert worst_excess(table) == {("beam_subspace", 3, "width", 0.1): pytest.approx(0.3)}
-        assert median_over_skies(table)["band"].tolist() == list(JUDGED)
+        assert beam_errors.median_over_skies(table)["band"].tolist() == list(JUDGED)
 
     def test_tolerated_between_two_errors(self):
         rows = [*made_up(0.0, 0.05), *made_up(1e-3, 0.051), *made_up(1e-1, 0.15), *made_up(1.0, 1e-4)]

@@ -12,17 +12,8 @@ from skies import mock_power
 from himap.core.errors import InputError
 from himap.measures.transfer import TransferFunction
 from himap.paper.experiment_figures import labels_of, methods_figure, methods_table, signed
-from himap.paper.experiments import transfer
-from himap.paper.experiments.methods import (
-    EXPERIMENT,
-    METHOD,
-    curves,
-    distances,
-    failures,
-    in_bands,
-    middles,
-    skies,
-)
+from himap.paper.experiments import methods, transfer
+from himap.paper.experiments.methods import EXPERIMENT, METHOD, curves, distances, in_bands, skies
 from himap.paper.grid import measured_recoveries
 from himap.paper.record import Record
 from himap.removal import GNILC, PCA, SDecGMCA
@@ -49,7 +40,7 @@ class TestCurves:
         bins = list(zip(angular["low"], angular["high"], strict=True))
         means = [self.SHARE[low : high + 1].mean() for low, high in bins]
         assert angular["ratio"].tolist() == pytest.approx(means)
-        assert middles(angular).tolist() == [(low + high) / 2 for low, high in bins]
+        assert methods.middles(angular).tolist() == [(low + high) / 2 for low, high in bins]
         assert {2, 5, 10, 20, 40} <= set(angular["low"]) and bins[-1][1] == 99  # no bin is in two bands
 
     def test_bins_follow_each_other_and_have_similar_logarithmic_widths(self):
@@ -84,8 +75,8 @@ class TestSkies:
     USUAL = TINY | {"beams": ["degraded", "oscillating"], "methods": [["pca", 3]]}
 
     def test_a_case_for_each_beam(self):
-        methods = [["sdecgmca", [3, 5]], ["pca", [3, 5]], ["pca", [3, 6]], ["gnilc", None]]
-        found = skies(**self.USUAL | {"methods": methods}, reading="letter", n_realisations=2)
+        pairs = [["sdecgmca", [3, 5]], ["pca", [3, 5]], ["pca", [3, 6]], ["gnilc", None]]
+        found = skies(**self.USUAL | {"methods": pairs}, reading="letter", n_realisations=2)
         assert [[case.survey.seed for case in sky.methods] for sky in found] == [[2025] * 2, [2026] * 2]
         first, second = found[0].methods.items()
         assert (first[0].beam.name, second[0].beam.name) == ("degraded", "oscillating")
@@ -98,8 +89,8 @@ class TestSkies:
 class TestTable:
     def test_of_a_small_sky(self):
         few = TINY | {"n_mocks": 2, "n_realisations": 1}
-        methods = {"methods": [["pca", [2, 3]], ["gnilc", None]], "corrected": ["pca"]}
-        grid = skies(**few, **methods, beams=["degraded", "oscillating"])
+        given = {"methods": [["pca", [2, 3]], ["gnilc", None]], "corrected": ["pca"]}
+        grid = skies(**few, **given, beams=["degraded", "oscillating"])
         table = EXPERIMENT.table(grid)
         assert list(table.groupby(METHOD, sort=False).groups) == [
             ("degraded", "pca", 2, False),
@@ -172,7 +163,7 @@ class TestSummary:
         """Skies of one seed in two tables are two skies; what is corrected is not counted."""
         corrected = table_of(ANGULAR, ratio=2.0, corrected=True)
         tables = [two_skies(ratio=1.08), two_skies(ratio=1.11), corrected]
-        assert failures(tables) == {("degraded", "pca", 3): 2}
+        assert methods.failures(tables) == {("degraded", "pca", 3): 2}
 
     def test_a_failure_on_one_sky_does_not_decide(self):
         failed = table_of(ANGULAR + ALONG, seed=3, ratio=1e3)

@@ -36,28 +36,17 @@ def test_what_is_free_is_the_limit_by_default(monkeypatch):
 
 
 LARGE_BOX, IN_FILES = replace(PAPER, box_cells=2048), {"in_files": True}
+FINE = replace(LARGE_BOX, nside=2048)
 
 
 @pytest.mark.parametrize(
     ("limit", "survey", "step", "options", "refusal"),
     [
         *(("13GB", PAPER, step, {"jobs": 2}, None) for step in estimate(PAPER)),
-        (
-            "24GB",
-            LARGE_BOX,
-            "HI light cone",
-            {},
-            r"HI light cone needs about 7\d.\d GB .* a smaller box_cells",
-        ),
+        ("24GB", LARGE_BOX, "HI light cone", {}, r"HI light cone needs about 7\d.\d GB .* smaller box_cells"),
         ("24GB", LARGE_BOX, "cleaning", {}, None),
         ("12GB", LARGE_BOX, "HI light cone", IN_FILES, None),
-        (
-            "12GB",
-            replace(LARGE_BOX, nside=2048),
-            "HI light cone",
-            IN_FILES,
-            "HI .* about .*: a smaller box_cells, nside",
-        ),
+        ("12GB", FINE, "HI light cone", IN_FILES, "HI .* about .*: a smaller box_cells, nside"),
         ("12GB", PAPER, "cleaning", {"jobs": 2}, "2 jobs, and 12 GB .* fewer --jobs need less.*--max-memory"),
     ],
 )
@@ -136,7 +125,6 @@ def test_memory_is_a_cause_of_death_only_where_it_ran_out(codes, kills, expected
 
 
 def test_a_small_box_in_files_needs_no_more_than_in_memory():
-    small, large = PRESETS["ci"], replace(PAPER, box_cells=2048)
-    for survey, less in ((small, False), (large, True)):
+    for survey, less in ((PRESETS["ci"], False), (LARGE_BOX, True)):
         needs = [estimate(survey, in_files=in_files)["HI light cone"] for in_files in (False, True)]
         assert (needs[1] < needs[0]) == less and needs[1] <= needs[0]
