@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cube_files import FREQS, N_PIX, NSIDE, run, write_hdf5
+from skies import maps_through
 
 from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, read_cube, spectra, suggestion
@@ -26,9 +27,60 @@ def cube_of(folder, maps, freqs=FREQS):
 def made_up(**changed):
     """A suggestion for 1 to 5 sources whose criterion and eigenvalues say 3."""
     given = {"eigenvalues": np.ones(24), "line": np.ones(24), "n_bright": 3, "method": "pca"}
-    given |= {"n_sources": np.arange(1, 6), "criterion": np.array([5, 1, 0, 0.1, 0.2]), "stable": None}
-    given |= {"change": np.array([1, 0.5, 0.12, 0.13]), "at_one_resolution": False}
-    return suggestion.Suggestion(**given | changed)
+    given |= {"n_sources": range(1, 6), "criterion": [5, 1, 0, 0.1, 0.2], "stable": None}
+    given |= {"change": [1, 0.5, 0.12, 0.13], "at_one_resolution": False} | changed
+    arrays = {name: np.array(given[name]) for name in ("n_sources", "criterion", "change")}
+    return suggestion.Suggestion(**given | arrays)
+
+
+VIEWS = {
+    "n_sources": range(2, 7),
+    "criterion": [5, 0.2, 0, 0.1, 0.2],
+    "change": [1, 0.3, 0.03, 0.02],
+    "stable": 5,
+}
+KNOWING = VIEWS | {"widths": (1.0, 2.0), "at_one_resolution": True}
+FALLING = {"criterion": range(0, -5, -1), "change": [0.5, 0.2, 0.05, 0.03], "stable": 3}
+EVEN = {"criterion": range(4), "change": [0.01] * 3}
+FEW = {"n_sources": [1, 2], "criterion": [1, 0], "change": [1], "eigenvalues": np.ones(3)}
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected", "said"),
+    [
+        # The criterion, of what a method leaves, decides where spectra change little after its number.
+        (KNOWING, (4, 4), "consider n_sources = 4, by what this method leaves."),
+        (KNOWING | {"change": [1, 0.3, 0.2, 0.02]}, (3, 4), "n_sources = 3 to 4, and look at the page"),
+        (VIEWS, (3, 4), "n_sources = 3 to 4, and look at the page"),
+        # Where it still falls it is not said that no number is stable: the table has one that is.
+        (FALLING | {"n_bright": 7}, None, "The criterion still falls at 5, the last number"),
+        (FALLING | {"n_bright": 2}, (2, 5), "The criterion still falls at 5"),
+        (
+            FALLING | {"n_bright": 7, "criterion": [1, 0, 1, 2, 3]},
+            (2, 5),
+            "7 eigenvalues exceed HI and noise: try",
+        ),
+        # What both say counts where nothing is stable: with few channels each source takes too much HI.
+        ({}, (3, 3), "consider n_sources = 3, by both criteria."),
+        ({}, (3, 3), "himap transfer"),
+        ({"n_bright": 4}, None, "try larger ones, or a method that knows the beam."),
+        # The smallest that was tried is no agreement, and there are no more sources than channels.
+        (
+            EVEN | {"n_sources": range(5, 9), "stable": 5, "n_bright": 2},
+            (5, 5),
+            "5, the smallest that was tried",
+        ),
+        (
+            EVEN | {"n_sources": range(1, 5), "stable": 1, "n_bright": 0},
+            (1, 1),
+            "1, if any: no eigenvalue exceeds",
+        ),
+        (FEW, None, "there are too few channels for more."),
+    ],
+)
+def test_advice(changed, expected, said):
+    found = made_up(**changed)
+    assert found.range == expected and said in suggestion.advice(found)
 
 
 class TestSuggestion:
@@ -55,17 +107,14 @@ class TestSuggestion:
         spectra = (FREQS / 1000)[:, None] ** np.array([-2.1, -2.8])
         power = 1e6 / np.arange(1.0, 2 * NSIDE + 2) ** 2
         alms = spectra @ np.stack([sphere.gaussian_alm(power, rng) for _ in range(2)])
-        seen = zip(alms, windows, strict=True)
-        maps = [sphere.synthesise(sphere.multiply_beam(alm, window), NSIDE) for alm, window in seen]
-        cube = cube_of(tmp_path, maps + rng.standard_normal((24, N_PIX)))
+        cube = cube_of(tmp_path, maps_through(windows, alms, NSIDE) + rng.standard_normal((24, N_PIX)))
         blind = suggestion.suggest(cube, "pca", n_sources=range(1, 5))
         knowing = suggestion.suggest(cube, "beam_subspace", n_sources=range(1, 5), beams=windows)
         assert blind.n_bright > 3
         assert knowing.n_bright == 2 and knowing.range == (2, 2)
-        assert "For beam_subspace with a beam of 10 to 16 deg FWHM, consider n_sources = 2, by both" in (
-            suggestion.advice(knowing)
-        )
-        assert suggestion.advice(knowing).endswith("this method and beam alone: run it again for others.")
+        advice = suggestion.advice(knowing)
+        assert "For beam_subspace with a beam of 10 to 16 deg FWHM, consider n_sources = 2, by both" in advice
+        assert advice.endswith("this method and beam alone: run it again for others.")
 
     def test_on_a_part_of_the_sky_the_criterion_alone_counts_for_a_method_that_knows_the_beam(self, tmp_path):
         """There eigenvalues have what the beam adds, as for PCA."""
@@ -79,24 +128,6 @@ class TestSuggestion:
         advice = f"consider n_sources = {found.best}, by what this method leaves."
         assert advice in suggestion.advice(found)
 
-    @pytest.mark.parametrize(
-        ("knows_beam", "change", "expected"),
-        [(True, 0.03, (4, 4)), (True, 0.2, (3, 4)), (False, 0.03, (3, 4))],
-    )
-    def test_where_the_views_differ(self, knows_beam, change, expected):
-        """The criterion, of what a method leaves, decides where spectra change little after its number."""
-        found = made_up(
-            n_sources=np.arange(2, 7),
-            criterion=np.array([5, 0.2, 0, 0.1, 0.2]),
-            change=np.array([1, 0.3, change, 0.02]),
-            stable=5,
-            widths=(1.0, 2.0) if knows_beam else None,
-            at_one_resolution=knows_beam,
-        )
-        assert found.range == expected
-        told = "4, by what this method leaves." if expected == (4, 4) else "3 to 4, and look at the page"
-        assert f"consider n_sources = {told}" in suggestion.advice(found)
-
     def test_where_nothing_is_stable_it_says_so(self, rng, tmp_path):
         falling = 10.0 ** -np.arange(24)[:, None] * rng.standard_normal((24, N_PIX))
         mixed = np.linalg.qr(rng.standard_normal((24, 24)))[0] @ falling
@@ -105,45 +136,6 @@ class TestSuggestion:
         assert found.range is None
         assert suggestion.advice(found).endswith("try larger ones, or a method that knows the beam.")
         assert suggestion.advice(replace(found, widths=(1.0, 2.0))).endswith("try larger ones.")
-
-    def test_what_is_said_of_a_criterion_that_still_falls(self):
-        """Not that no number is stable, where the table has one that is."""
-        falling = {"criterion": -np.arange(5.0), "change": np.array([0.5, 0.2, 0.05, 0.03]), "n_bright": 7}
-        found = made_up(n_sources=np.arange(1, 6), stable=3, **falling)
-        assert found.range is None
-        assert suggestion.advice(found).startswith("The criterion still falls at 5, the last number")
-        fewer = replace(found, n_bright=2)
-        assert fewer.range == (2, 5) and "The criterion still falls at 5" in suggestion.advice(fewer)
-        found = replace(found, criterion=np.array([1, 0, 1, 2, 3.0]))
-        assert "n_sources = 2 to 5" in suggestion.advice(found)
-        assert "7 eigenvalues exceed HI and noise: try larger ones too." in suggestion.advice(found)
-
-    def test_what_both_say_counts_where_nothing_is_stable(self):
-        """With few channels each source takes so much HI that spectra never stand still."""
-        found = made_up()
-        assert found.range == (3, 3)
-        told = suggestion.advice(found)
-        assert "consider n_sources = 3, by both criteria." in told and "himap transfer" in told
-        assert replace(found, n_bright=4).range is None
-
-    @pytest.mark.parametrize(
-        ("n_bright", "first", "said"),
-        [
-            (2, 5, "5, the smallest that was tried: try smaller ones"),
-            (0, 1, "1, if any: no eigenvalue exceeds"),
-        ],
-    )
-    def test_the_smallest_that_was_tried_is_no_agreement(self, n_bright, first, said):
-        counts = np.arange(first, first + 4)
-        found = made_up(n_sources=counts, criterion=np.arange(4.0), change=np.full(3, 0.01), stable=first)
-        assert f"consider n_sources = {said}" in suggestion.advice(replace(found, n_bright=n_bright))
-
-    def test_no_larger_numbers_than_channels(self):
-        found = made_up(
-            n_sources=np.arange(1, 3), criterion=np.array([1.0, 0]), change=np.ones(1), stable=None
-        )
-        found = replace(found, n_bright=3, eigenvalues=np.ones(3))
-        assert suggestion.advice(found).endswith("there are too few channels for more.")
 
     def test_with_a_beam_from_the_shell(self, maps, tmp_path):
         path = write_hdf5(tmp_path / "a.h5", maps)
