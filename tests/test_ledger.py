@@ -77,7 +77,7 @@ def test_the_cause_of_a_verdict_is_measured():
         return {"reading code": {"D1": entry(*verdicts)}}
 
     twice = others(REPRODUCED, REPRODUCED)
-    assert cause(entry(REPRODUCED), twice) == ""
+    assert cause(entry(REPRODUCED), twice) == cause(entry(INAPPLICABLE), twice) == ""
     assert cause(entry(FAILED), twice) == cause(entry(IN_PART), twice) == "reading code"
     for without in (others(FAILED, FAILED), others(IN_PART, IN_PART), others(REPRODUCED)):
         assert cause(entry(FAILED), without) == cause(entry(IN_PART), without) == "none found"
@@ -186,28 +186,24 @@ def test_every_claim_has_a_figure_in_the_book():
     assert all(claim.figure in ("", *links[claim.notebook]) for claim in CLAIMS.values())
 
 
-class TestConclusions:
-    def test_each_rests_on_claims_that_there_are(self):
-        assert len(CONCLUSIONS) == 5
-        assert all(claims and set(claims.split()) <= set(CLAIMS) for claims in CONCLUSIONS)
-
-    @pytest.mark.parametrize(
-        ("verdicts", "expected"),
-        [
-            ([REPRODUCED, REPRODUCED], REPRODUCED),
-            ([REPRODUCED, INAPPLICABLE], REPRODUCED),
-            ([REPRODUCED, FAILED], IN_PART),
-            ([FAILED, FAILED, INAPPLICABLE], FAILED),
-            ([FAILED, UNDECIDED], UNDECIDED),
-            ([REPRODUCED, UNDECIDED], IN_PART),
-            ([FAILED, IN_PART], IN_PART),
-            ([IN_PART, IN_PART], IN_PART),
-            ([INAPPLICABLE], INAPPLICABLE),
-        ],
-    )
-    def test_verdict(self, verdicts, expected):
-        made = [(REPRODUCED, FAILED) if one == UNDECIDED else (one,) for one in verdicts]
-        assert joint_verdict(entry(*one) for one in made) == expected
+@pytest.mark.parametrize(
+    ("verdicts", "expected"),
+    [
+        ([REPRODUCED, REPRODUCED], REPRODUCED),
+        ([REPRODUCED, INAPPLICABLE], REPRODUCED),
+        ([REPRODUCED, FAILED], IN_PART),
+        ([FAILED, FAILED, INAPPLICABLE], FAILED),
+        ([FAILED, UNDECIDED], UNDECIDED),
+        ([REPRODUCED, UNDECIDED], IN_PART),
+        ([FAILED, IN_PART], IN_PART),
+        ([IN_PART, IN_PART], IN_PART),
+        ([INAPPLICABLE], INAPPLICABLE),
+    ],
+)
+def test_conclusions_rest_on_the_verdicts_of_their_claims(verdicts, expected):
+    made = [(REPRODUCED, FAILED) if one == UNDECIDED else (one,) for one in verdicts]
+    assert joint_verdict(entry(*one) for one in made) == expected
+    assert all(claims and set(claims.split()) <= set(CLAIMS) for claims in CONCLUSIONS)
 
 
 MADE = ABOUT | {"preset": "laptop", "overrides": [["reading", "letter"]]}
@@ -225,43 +221,37 @@ def write(folder, name, verdicts, n_restarts=2, **changed):
     record.save(folder / f"{name}.json")
 
 
-@pytest.mark.parametrize(
-    ("verdict", "changed", "expected"),
-    [
-        (REPRODUCED, {"overrides": []}, "reading default"),
-        (REPRODUCED, {"overrides": [["method", "beam_subspace"]]}, "none found"),
-        (REPRODUCED, {"preset": "paper"}, "the paper's size"),
-        (REPRODUCED, {"preset": "paper", "overrides": []}, "reading default, the paper's size"),
-        (FAILED, {"preset": "paper"}, "none found"),
-        (REPRODUCED, {"preset": "paper", "n_restarts": 1}, "none found"),  # a draw
-        (
-            REPRODUCED,
-            {"overrides": [["reading", "letter"], ["average", "ratios"], ["taper", "hann"]]},
-            "mean over channels of C/C0, Hann taper along frequency",
-        ),
-        (REPRODUCED, {}, "none found"),  # the ledger itself
-        (REPRODUCED, {"overrides": [["reading", "letter"], ["nside", 64]]}, "none found"),
-    ],
-)
-def test_another_ledger_in_which_a_claim_holds(tmp_path, verdict, changed, expected):
-    write(tmp_path, "claims_a", {"": verdict}, **changed)
-    assert cause(entry(FAILED), other_records(MADE, tmp_path)) == expected
+PAPER, CODE, LETTER = {"preset": "paper"}, {"code": REPRODUCED}, ["reading", "letter"]
 
 
 @pytest.mark.parametrize(
     ("verdicts", "changed", "expected"),
     [
-        ({"letter": FAILED}, {"preset": "paper"}, "reading code, the paper's size"),
-        ({"letter": REPRODUCED}, {"preset": "paper"}, "the paper's size"),
-        ({"follow-up": REPRODUCED}, {"preset": "paper"}, "the paper's size"),
-        ({"follow-up": FAILED}, {"preset": "paper"}, "reading code, the paper's size"),
-        ({}, {"overrides": []}, "reading code"),
-        ({}, {"preset": "ci"}, "none found"),  # D1 is about l = 200
+        # In another ledger.
+        ({"": REPRODUCED}, {"overrides": []}, "reading default"),
+        ({"": REPRODUCED}, {"overrides": [["method", "beam_subspace"]]}, "none found"),
+        ({"": REPRODUCED}, PAPER, "the paper's size"),
+        ({"": REPRODUCED}, PAPER | {"overrides": []}, "reading default, the paper's size"),
+        ({"": FAILED}, PAPER, "none found"),
+        ({"": REPRODUCED}, PAPER | {"n_restarts": 1}, "none found"),  # a draw
+        (
+            {"": REPRODUCED},
+            {"overrides": [LETTER, ["average", "ratios"], ["taper", "hann"]]},
+            "mean over channels of C/C0, Hann taper along frequency",
+        ),
+        ({"": REPRODUCED}, {}, "none found"),  # the ledger itself
+        ({"": REPRODUCED}, {"overrides": [LETTER, ["nside", 64]]}, "none found"),
+        # In a record of readings.
+        (CODE | {"letter": FAILED}, PAPER, "reading code, the paper's size"),
+        (CODE | {"letter": REPRODUCED}, PAPER, "the paper's size"),
+        (CODE | {"follow-up": REPRODUCED}, PAPER, "the paper's size"),
+        (CODE | {"follow-up": FAILED}, PAPER, "reading code, the paper's size"),
+        (CODE, {"overrides": []}, "reading code"),
+        (CODE, {"preset": "ci"}, "none found"),  # D1 is about l = 200
     ],
 )
-def test_a_reading_in_which_a_claim_holds(tmp_path, verdicts, changed, expected):
-    """With that of the code it does."""
-    write(tmp_path, "readings", verdicts | {"code": REPRODUCED}, **changed)
+def test_where_else_a_claim_holds(tmp_path, verdicts, changed, expected):
+    write(tmp_path, "claims_a" if "" in verdicts else "readings", verdicts, **changed)
     assert cause(entry(FAILED), other_records(MADE, tmp_path)) == expected
 
 
@@ -269,11 +259,6 @@ def test_a_reading_with_another_name_is_that_of_the_ledger(tmp_path):
     write(tmp_path, "readings", {"letter, beyond = projection": REPRODUCED, "letter": FAILED})
     made = MADE | {"overrides": []}
     assert cause(entry(FAILED), other_records(made, tmp_path)) == "none found"
-
-
-def test_a_claim_that_does_not_apply_has_no_cause(tmp_path):
-    write(tmp_path, "claims_a", {"": REPRODUCED}, preset="paper")
-    assert cause(entry(INAPPLICABLE), other_records(MADE, tmp_path)) == ""
 
 
 def test_records_of_another_version_are_left_out(tmp_path):

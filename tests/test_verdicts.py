@@ -105,15 +105,10 @@ def test_a_premise_that_is_absent_counts_as_not_reproduced_and_is_said(n_absent,
     assert entry.shares["absent"]["lower"] == n_absent / 10
 
 
-def test_a_premise_may_be_absent_in_all_parts():
-    parts = [Part(name, None, True, "SD") for name in ("lower", "k")]
-    assert judged([parts]).label == f"{FAILED} (premise absent)"
-
-
-def test_a_premise_that_one_part_has_is_not_absent():
-    parts = [Part("lower", None, True, "SD"), Part("k", True, True, "SD")]
-    other = [parts[0], Part("k", False, True, "SD")]
-    assert judged([parts, other]).label == FAILED
+@pytest.mark.parametrize(("held", "label"), [([None], f"{FAILED} (premise absent)"), ([True, False], FAILED)])
+def test_a_premise_is_absent_if_it_is_in_all_parts(held, label):
+    lower = Part("lower", None, True, "SD")
+    assert judged([(lower, Part("k", one, True, "SD")) for one in held]).label == label
 
 
 def test_a_part_that_a_member_does_not_have_does_not_hold_there():
