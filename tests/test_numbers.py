@@ -10,18 +10,8 @@ import pytest
 from book_examples import cells
 
 from himap.core.errors import InputError
-from himap.figures.numbers import (
-    NOT_COMPARED,
-    OF_RESTARTS,
-    QUOTED,
-    agree,
-    of_restarts,
-    one_run,
-    quote,
-    quoted,
-    show,
-    show_table,
-)
+from himap.figures import numbers
+from himap.figures.numbers import agree, of_restarts, one_run, quote, quoted, show, show_table
 from himap.figures.tables import HTML, Table
 
 SPACE = "\N{NO-BREAK SPACE}"
@@ -56,7 +46,7 @@ def test_the_digits_follow_the_tolerance(entry, shown, prose):
     if isinstance(entry, tuple) and len(entry) == 3:
         number, unit = number.rsplit(SPACE, 1)
     line = f"x: {number.replace(' ', SPACE)}† {unit}".rstrip()
-    assert repr(show({"x": one_run(entry)})).splitlines() == [line, NOT_COMPARED]
+    assert repr(show({"x": one_run(entry)})).splitlines() == [line, numbers.NOT_COMPARED]
     assert one_run({"x": {"y": entry}}) == {"x": {"y": one_run(entry)}}
 
 
@@ -133,7 +123,7 @@ def test_a_table_has_a_column_for_each_quantity():
     assert [line.split() for line in repr(table).splitlines()] == [" ".join(row).split() for row in expected]
     escaped = [[cell.replace("<b>", "&lt;b&gt;") for cell in row] for row in expected]
     assert cells(table.html()) == escaped
-    assert NOT_COMPARED not in f"{table!r}{table.html()}{table.markdown()}"
+    assert numbers.NOT_COMPARED not in f"{table!r}{table.html()}{table.markdown()}"
     assert cells(show({"10 < l": (1.0, 0.1, "mK"), "n": 3}).html())[0] == ["10 &lt; l", "1.00 ± 0.10", "mK"]
 
 
@@ -142,13 +132,13 @@ def test_restarts_have_a_median_and_a_band_and_are_not_compared():
     runs = ([{"C": (value, 0.01, "mK"), "settled": text} for value, text in several] for several in pairs)
     table, other = (show_table({"SD": of_restarts(several)}) for several in runs)
     row, note = (line.replace(SPACE, " ") for line in repr(table).splitlines()[1:])
-    assert row.split("  ")[-2:] == ["1.10 (0.95–16.18)† mK", "3 no, 1 yes†"] and note == OF_RESTARTS
+    assert row.split("  ")[-2:] == ["1.10 (0.95–16.18)† mK", "3 no, 1 yes†"] and note == numbers.OF_RESTARTS
     assert agree(repr(table), repr(other)) and agree(table.html(), other.html())
     assert of_restarts([(value, 0.01) for value in (0.9, 1.1, 1.0)])[0] == 1.0
     assert of_restarts([(0.9, 0.01)]) == one_run((0.9, 0.01))
     for values in ((0.9, 1.2), (-3e8, 2.5e8), (-0.2, 0.1), (1.5e4, 9e5)):
         band = repr(show({"C": of_restarts([(value, abs(value) / 10) for value in values])}))
-        number, text = (f"C: {other}†\n{OF_RESTARTS}" for other in ("0.9", "no"))
+        number, text = (f"C: {other}†\n{numbers.OF_RESTARTS}" for other in ("0.9", "no"))
         assert "(" in band and agree(band, number) and not agree(band, text)
     below = of_restarts([(-0.2, 0.1), (0.2, 0.1)])
     assert quoted(below).replace(SPACE, " ") == "0.0 (-0.1 to 0.1)"
@@ -164,7 +154,7 @@ def test_what_is_quoted_is_glued_and_not_seen(monkeypatch, capsys):
     shell = SimpleNamespace(display_pub=SimpleNamespace(publish=publish))
     monkeypatch.setattr("IPython.get_ipython", lambda: shell)
     quote(pca_loss=(0.95, 0.001), sky="synthetic", run=one_run((95.2, 1, "%")), settled=one_run("yes"))
-    text, with_tolerance = QUOTED
+    text, with_tolerance = numbers.QUOTED
     assert [data for data, _ in published] == [
         {text: "'0.950'", with_tolerance: "0.9500 ± 0.0010"},
         {text: "'synthetic'"},
@@ -172,7 +162,9 @@ def test_what_is_quoted_is_glued_and_not_seen(monkeypatch, capsys):
         {text: "'yes'", with_tolerance: "yes†"},
     ]
     about = published[0][1]
-    assert about["name"] == "pca_loss" and all(kind.startswith(about["mime_prefix"]) for kind in QUOTED)
+    assert about["name"] == "pca_loss" and all(
+        kind.startswith(about["mime_prefix"]) for kind in numbers.QUOTED
+    )
     with pytest.raises(InputError, match="pca_peak: the tolerance"):
         quote(pca_loss=(1, 0.1), pca_peak=(1, 0))
     assert len(published) == 4 and capsys.readouterr() == ("", "")
