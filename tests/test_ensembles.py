@@ -42,23 +42,18 @@ class TestTwoSamples:
         distances, p, p_all = compare_samples(np.zeros((4, 1)), np.zeros((6, 1)), n_permutations=99)
         assert distances == pytest.approx([0]) and p.tolist() == [1] and p_all == 1
 
+    def test_a_chance_is_never_0(self, rng):
+        """The samples as they are count as one of the permutations."""
+        one, two = rng.normal(size=(20, 2)), rng.normal(5, size=(20, 2))
+        assert compare_samples(one, two, n_permutations=99)[2] == pytest.approx(1 / 100)
 
-class TestAuthorsEnsemble:
-    def test_what_is_stored(self):
-        rows = read_authors_ensemble(FILE)
-        runs = rows.groupby(["preset", "galaxy", "thresholds", "sign", "alms"])["restart"].nunique()
-        assert runs["ci", "synthetic", "mad", "free", "own"] == 16 and runs.sum() == 101
-        assert set(ensembles.MEASURES) <= set(rows["quantity"])
-        assert not rows.loc[rows["quantity"] == "converged", "value"].any()
 
-    @pytest.mark.parametrize(
-        "text", [None, "no JSON", "{}", '{"keys": [], "x": {"a": [1]}, "runs": [[[1, 2]]]}']
-    )
-    def test_another_file(self, tmp_path, text):
-        if text is not None:
-            (tmp_path / "a.json").write_text(text)
-        with pytest.raises(InputError, match="does not hold the ensemble of the authors' code"):
-            read_authors_ensemble(tmp_path / "a.json")
+@pytest.mark.parametrize("text", [None, "no JSON", "{}", '{"keys": [], "x": {"a": [1]}, "runs": [[[1, 2]]]}'])
+def test_another_file_than_that_of_the_authors_ensemble(tmp_path, text):
+    if text is not None:
+        (tmp_path / "a.json").write_text(text)
+    with pytest.raises(InputError, match="does not hold the ensemble of the authors' code"):
+        read_authors_ensemble(tmp_path / "a.json")
 
 
 def of_restarts(errors, **changed):
@@ -151,9 +146,3 @@ class TestFigures:
         for axes in shown:
             line = axes.lines[0]
             assert line.get_ydata()[[0, -1]].tolist() == [0, 1] and np.all(np.diff(line.get_xdata()) >= 0)
-
-
-def test_a_chance_is_never_0(rng):
-    """The samples as they are count as one of the permutations."""
-    one, two = rng.normal(size=(20, 2)), rng.normal(5, size=(20, 2))
-    assert compare_samples(one, two, n_permutations=99)[2] == pytest.approx(1 / 100)

@@ -13,7 +13,7 @@ from himap.instrument.noise import noise_maps
 from himap.maps import sphere
 from himap.measures import diagnostics
 from himap.paper import cleaned, pipeline
-from himap.removal import PCA, SDecGMCA
+from himap.removal import PCA
 from himap.sky.galaxy import Galaxy
 from himap.sky.point_sources import point_sources
 
@@ -51,26 +51,6 @@ def test_readings_of_the_noise_share_the_sky():
 def test_coefficients_of_the_truth_end_where_asked():
     alms = pipeline.truth_alms(CASE, 10)
     assert np.array_equal(alms, sphere.alms_upto(pipeline.truth_alms(CASE), 10))
-
-
-def test_the_analysis_of_an_observation_is_shared(monkeypatch):
-    """By methods and numbers of sources; maps with their peaks have one of their own."""
-    cleaned.separation(CASE, SDecGMCA(n_sources=2))
-    monkeypatch.setattr(pipeline, "cube_modes", None)
-    cleaned.separation(CASE, SDecGMCA(n_sources=3))
-    cleaned.separation(CASE, PCA(n_sources=3), mask_peaks=False)  # needs none
-    with pytest.raises(TypeError):
-        cleaned.separation(CASE, SDecGMCA(n_sources=2), mask_peaks=False)
-
-
-def test_the_covariance_of_an_observation_is_shared(monkeypatch):
-    """By all that start from it; that of another sky has to be made."""
-    cleaned.separation(CASE, PCA(n_sources=2))
-    monkeypatch.setattr(pipeline, "channel_covariance", None)
-    monkeypatch.setattr("himap.removal.data.channel_covariance", None)
-    cleaned.separation(CASE, PCA(n_sources=4))
-    with pytest.raises(TypeError):
-        cleaned.separation(replace(CASE, survey=replace(SMALL, seed=77)), PCA(n_sources=2))
 
 
 def test_pca_on_the_real_sky(real_sky):
