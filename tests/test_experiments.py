@@ -19,7 +19,6 @@ from himap.paper.experiment_figures import transfer_figure
 from himap.paper.experiments import find_experiment, n_sources, transfer
 from himap.paper.grid import Sky, cases_and_methods, measured_recoveries
 from himap.paper.mocks import Mock, own_recovery
-from himap.removal import PCA
 
 made_up = partial(mock_power, n_degrees=26)
 TINY = {"preset": "ci", "survey": {"nside": 8, "n_channels": 16, "box_cells": 16}}
@@ -123,17 +122,6 @@ class TestMaking:
         ((*_, own, transfers),) = measured_recoveries(sky)
         assert (own.output.power == before[0][2].output.power).all() and len(transfers.mocks) == 2
 
-    @pytest.mark.parametrize("known", [False, True])
-    def test_each_method_separates_a_sky_once(self, sky, monkeypatch, known):
-        """Also where only the mocks are new."""
-        ((case, (pca,)),) = sky.methods.items()
-        if known:
-            own_recovery(case, pca)
-        calls, separate = [], PCA.separate
-        monkeypatch.setattr(PCA, "separate", lambda *args, **own: calls.append(1) or separate(*args, **own))
-        measured_recoveries(sky)
-        assert len(calls) == 3 - known  # the sky, unless it was kept, and the sky with each mock
-
 
 class TestTransfer:
     @pytest.mark.parametrize("left", [0, 0.05])
@@ -157,18 +145,6 @@ class TestTransfer:
         row, *_ = transfer.corrected_bands(made_up(0.9), made_up(0.1).output, found)
         first, second = found.errors("angular")[:, 5]
         assert row["error_bar"] == pytest.approx(sigma(np.array([first, second])))
-
-    @pytest.mark.filterwarnings("ignore::himap.removal.base.SeparationWarning")
-    def test_each_method_separates_a_sky_once(self, tmp_path, monkeypatch):
-        """And each member; and nothing that is large is kept."""
-        monkeypatch.setenv("HIMAP_CACHE", str(tmp_path))  # nothing is in the cache
-        (sky,) = transfer.skies(**TINY, methods=[["pca", 3]], n_realisations=1, n_mocks=2)
-        calls, separate = [], PCA.separate
-        monkeypatch.setattr(PCA, "separate", lambda *args, **own: calls.append(1) or separate(*args, **own))
-        transfer.measure.compute(sky)
-        assert len(calls) == 3
-        ((case, (pca,)),) = sky.methods.items()
-        assert not cleaned.separation.is_cached(case, pca)
 
     @pytest.mark.parametrize("trials", [2, 20])
     def test_how_often_an_interval_holds_what_is_right(self, rng, trials):

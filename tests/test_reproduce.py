@@ -271,8 +271,6 @@ def test_a_run_with_other_parameters(folder, monkeypatch):
     edit(folder / "01_toy.py", "A cell of comments only.", "Other comments.")
     edit(folder / "01_toy.py", "print(made", "made.nside\nprint(made")
     assert reproduce.run("01", **passed, again=False)[1]
-    path.write_text("{")
-    assert reproduce.run("01", **passed, again=False, overwrite=True)[1]
 
 
 def test_the_kernel_is_of_this_python_and_says_what_it_ran_with(folder, tmp_path, monkeypatch):
