@@ -69,6 +69,22 @@ class TestGrowth:
         assert np.median(growth[:, 1]) < 1e-3
         assert 1e-2 < np.median(growth[:, 10]) <= 1
 
+    def test_it_is_that_of_the_authors_code(self):
+        """Of the stored runs of both codes, bounds that the tests above have."""
+        for rows in (STORED, THEIRS):
+            angle = curves(rows, "angle")
+            assert angle[1].max() < 1e-3 and angle[10].between(1e-2, 1).all()
+
+    def test_it_ends_where_the_sources_are_not_empty(self):
+        """The noise of the instrument in the thresholds, and no K: stable, on the same data."""
+        options = {"thresholds": "analytic", "share": 1.0, "n_warmup": 1, "pixels": "grid"}
+        one, other = (
+            authors.first_mixings(CASE, authors.of_code(CASE.beam, restart=k, **options), N_ITERATIONS)
+            for k in (0, 1)
+        )
+        grown = authors.growth(one, other)
+        assert max(grown["angle"].values()) < 1e-5 and max(grown["condition"].values()) < 100
+
 
 class TestInvariants:
     """Of every run, whatever it gives."""
