@@ -35,6 +35,19 @@ def test_pixels_that_one_channel_does_not_see_are_masked_in_all(maps, missing, t
         assert len(cube.freqs) == 23 and "1 of 24 channels have no data" in cube.remarks[0]
 
 
+@pytest.mark.parametrize("n_channels", range(28, 34))
+def test_it_is_said_where_no_peak_can_be_masked(rng, n_channels, tmp_path):
+    """A bright peak in each channel of one pixel each shows whether one can."""
+    freqs = np.linspace(900, 1000, n_channels)
+    maps = rng.normal(size=(n_channels, N_PIX))
+    maps[:, :n_channels] += 1e6 * np.eye(n_channels)
+    cube = read_cube(write_hdf5(tmp_path / "a.h5", maps, freqs))
+    cleaned, kept = (clean_cube(cube, "polynomial", peaks=peaks) for peaks in (True, False))
+    said = f"In {n_channels} channels none can stand out by 5 standard deviations of them all: no peak is"
+    assert [one.startswith(said) for one in cleaned.remarks] == [True] * (cleaned.flagged == 0)
+    assert (cleaned.flagged > 0) == (n_channels > 29) and not kept.remarks
+
+
 class TestCleaning:
     @pytest.mark.usefixtures("no_pages")
     @pytest.mark.parametrize("name", ["pca", "beam_subspace"])

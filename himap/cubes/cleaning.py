@@ -14,7 +14,7 @@ from himap.removal import available, create
 from himap.removal.base import REGISTRY, ForegroundRemover, SeparationWarning
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
-from himap.removal.peaks import least_channels
+from himap.removal.peaks import can_stand_out, least_channels
 from himap.removal.restarts import Ensemble, checked_restarts, has_restarts, remarks_on_one
 
 _LEAST_FOR_PEAKS = 8
@@ -53,6 +53,11 @@ class CleanedCube(Cleaning):
         remarks = remarks_on_one(self) if self.ensemble is None else self.ensemble.remarks
         if not (self.separation.converged or has_restarts(self.method)):
             remarks.append(f"{self.method.name} stopped before it converged.")
+        if not (self._keeps_peaks or can_stand_out(self.cube.freqs)):
+            remarks.append(
+                f"In {len(self.cube.freqs)} channels none can stand out by 5 standard deviations of them "
+                "all: no peak is masked."
+            )
         if lmax is not None:
             remarks.append(
                 f"{self.method.name} finds nothing beyond l = {lmax}: the residual ends there, "

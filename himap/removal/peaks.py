@@ -80,8 +80,8 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
 
     A channel is flagged where it is further than `n_sigma` standard deviations, above or below, from the
     first fit. By default the deviation is that of this line of sight over all its channels, peaks included,
-    once the fit is subtracted. Fewer than 1 / n_sigma^2 of the channels can be that far out, so that up to
-    n_sigma^2 channels (25 by default) never show a peak, and no sine ever does. Lines of sight without a
+    once the fit is subtracted. Fewer than 1 / n_sigma^2 of the channels can be that far out, so that few
+    channels never show a peak (`can_stand_out`), and no sine ever does. Lines of sight without a
     flag, and those with too few channels without one for another fit, keep the first.
 
     Parameters
@@ -173,6 +173,16 @@ def _deviation_of_sky(maps, basis, spread, weights):
         squares += np.sum(lines**2, axis=1, keepdims=True)
     variance = squares / maps.shape[1]
     return np.sqrt(variance.mean() if spread == "cube" else variance)
+
+
+def can_stand_out(freqs, order=6, n_sigma=5.0):
+    """Whether any channel can be flagged, where deviations are those of the line of sight.
+
+    Of n channels a single peak is sqrt(n (1 - h)) deviations from the fit, which has a share h of it, the
+    leverage of its channel; nothing is farther out. So by default 29 evenly spaced channels show none.
+    """
+    leverage = np.sum(baseline_basis(freqs, order) ** 2, axis=1)
+    return bool(len(freqs) * (1 - leverage.min()) > n_sigma**2)
 
 
 def check_clipping(n_channels, order, n_sigma):
