@@ -105,62 +105,55 @@ def change(path, *names, **attributes):
         (file if path == "/" else file[path]).attrs.update(attributes)
 
 
-BAD = {}
-"""{what is wrong: (words of the command, a part of the message, function that writes it or None)}."""
+BAD = []
+"""[(words of the command, a part of the message, function that writes what is wrong or None)]."""
 
 
-def add(name, words, message, write=None, *given, **options):
-    assert name not in BAD, name
+def add(words, message, write=None, *given, **options):
     words = words.split() if isinstance(words, str) else words
-    BAD[name] = words, message, write and partial(write, *given, **options)
+    BAD.append((words, message, write and partial(write, *given, **options)))
 
 
 # Frequencies in names and headers.
 NO_FREQS = "does not state its frequencies"
-several = ["map_971p137MHz", "map_972p137MHz"], ["900-910MHz", "910-920MHz"], ["a_900MHz", "b"]
-for names in (*several, ["900MHz", "901MHz", "mean"]):
-    add(f"file names {names[0]}", "folder", NO_FREQS, write_folder, "folder", names)
-columns = {"column_names": ["900 MHz of 20 MHz", "910 MHz", "920 MHz"]}
-add("a column of two numbers", "a.fits", NO_FREQS, write_fits, "a.fits", good_maps()[:3], **columns)
+for names in (["a_971p137MHz", "a_972p137MHz"], ["900-910MHz", "910-920MHz"], ["900MHz", "901MHz", "mean"]):
+    add("folder", NO_FREQS, write_folder, "folder", names)
+add("a.fits", NO_FREQS, write_fits, "a.fits", good_maps()[:2], column_names=["900 MHz of 20 MHz", "910 MHz"])
 for names, values, message in (
     ("ab", ["900.0 MHz", 910.0], "FREQ in a header must be a number"),
     (["900MHz", "910MHz"], [900.0, 911.0], "names and headers"),
 ):
     cards = [[("FREQ", value)] for value in values]
-    add(f"FREQ {values}", "folder", message, write_folder, "folder", names, cards)
+    add("folder", message, write_folder, "folder", names, cards)
 cards = [[("COORDSYS", frame)] for frame in "CG"]
-add("two frames in a folder", "folder", "one frame of coordinates, got C (900MHz.fits), G (910MHz.fits)",
-    write_folder, "folder", ["900MHz", "910MHz"], cards)  # fmt: skip
+add("folder", "one frame of coordinates, got C (900MHz.fits), G (910MHz.fits)", write_folder, "folder",
+    ["900MHz", "910MHz"], cards)  # fmt: skip
 
 # HDF5: what is a frequency, a unit, an order.
 for name in ("freq_weights", "tsys_mhz", "nu_id"):
-    add(f"a dataset {name}", "a.h5", NO_FREQS, write_hdf5, "a.h5", freqs_name=name)
+    add("a.h5", NO_FREQS, write_hdf5, "a.h5", freqs_name=name)
 for said in ({"unit": "mK", "units": "K"}, {"unit": "mK", "order": "RING", "ordering": "NESTED"}):
-    add(f"attributes {list(said)}", "a.h5", "say different things", write_hdf5, "a.h5", said=said)
-add("two sets of frequencies", "a.h5", "--freqs-name", write_hdf5, "a.h5", more={"nu": FREQS + 1})
-add("other channels", "a.h5", NO_FREQS, write_hdf5, "a.h5", freqs=np.arange(25.0))
+    add("a.h5", "say different things", write_hdf5, "a.h5", said=said)
+add("a.h5", "--freqs-name", write_hdf5, "a.h5", more={"nu": FREQS + 1})
+add("a.h5", NO_FREQS, write_hdf5, "a.h5", freqs=np.arange(25.0))
 for shape in ((N_PIX,), SHAPE[::-1]):
-    add(f"a mask {shape}", "a.h5", "has a mask", write_hdf5, "a.h5", more={"mask": np.zeros(shape, bool)})
+    add("a.h5", "has a mask", write_hdf5, "a.h5", more={"mask": np.zeros(shape, bool)})
 for key, value in (("scale_factor", [1.0, 2.0]), ("scale_factor", np.inf), ("add_offset", "none")):
-    add(f"{key} {value}", "a.h5", key, write_hdf5, "a.h5", **{key: value})
+    add("a.h5", key, write_hdf5, "a.h5", **{key: value})
 for value in (np.bytes_(b"\xff\xfe"), 7, ["mK", "K"], h5py.Empty("S1"), "K" * 20_000):
-    add(f"unit {value!r:.20}", "a.h5", "unit", write_hdf5, "a.h5", said={"order": "RING"}, unit=value)
+    add("a.h5", "unit", write_hdf5, "a.h5", said={"order": "RING"}, unit=value)
 for value in (np.bytes_(b"R\xcfNG"), 1, "\x1b[31mRING"):
-    said = {"unit": "mK"}
-    add(f"order {value!r:.20}", "a.h5", "RING or NESTED", write_hdf5, "a.h5", said=said, order=value)
+    add("a.h5", "RING or NESTED", write_hdf5, "a.h5", said={"unit": "mK"}, order=value)
 for value in ("parsec", np.bytes_(b"\xb5Hz"), "(" * 5000):
-    add(f"unit of frequencies {value!r:.20}", "a.h5", "Hz", change, "freqs", unit=value)
+    add("a.h5", "Hz", change, "freqs", unit=value)
 for values in (np.array([b"a"] * 24), np.ones(24, bool), FREQS.astype(complex)):
-    add(f"frequencies of {values.dtype} in HDF5", "a.h5", "freq", write_hdf5, "a.h5", freqs=values)
+    add("a.h5", "freq", write_hdf5, "a.h5", freqs=values)
 for message, more in (
     ("a.h5: two channels have the frequency", {"freqs": np.full(24, 950.0)}),
     ("a.h5: freqs must be positive", {"freqs": -FREQS}),
     ("a.h5: all maps are zero", {"maps": np.zeros(SHAPE)}),
     ("a.h5: a cube needs two channels", {"maps": np.full(SHAPE, np.nan)}),
-    (
-        "got unit 'K km/s'. Convert the maps, and write them with their unit, as BUNIT in a header, TUNIT",
-        {"said": {"unit": "K km/s"}},
-    ),
+    ("got unit 'K km/s'. Convert the maps, and write them with their unit", {"said": {"unit": "K km/s"}}),
     ("frame of coordinates (an attribute of a.h5) must be one of G, C, E, ICRS, FK5, FK4", {"coordsys": 3}),
     ("FK5, FK4, FK4-NO-E, GAPPT, S, H, got 'sky'", {"frame": "sky"}),
     ("a.h5: SPECSYS must be one of TOPOCENT, GEOCENTR", {"specsys": 5}),
@@ -169,24 +162,18 @@ for message, more in (
     ("a.h5 says nside 8, and maps has 4", {"nside": 2 * NSIDE}),
     ("say different things: BUNIT = 'K', unit = 'mK'", {"BUNIT": "K", "unit": "mK"}),
 ):
-    add(f"an HDF5 of which is said {message}", "a.h5", message, write_hdf5, "a.h5", **more)
-waves = good_maps().astype(complex)
+    add("a.h5", message, write_hdf5, "a.h5", **more)
 for words in ("a.h5", "a.h5 --maps maps"):
-    add(f"complex numbers in {words}", words, "complex numbers", write_hdf5, "a.h5", waves)
-more = {"again": good_maps()}
-add("two cubes", "a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
-add("escape codes in names", "a.h5", "\\x1b[2J", write_hdf5, "a.h5", more={"\x1b[2J\x07": good_maps()})
+    add(words, "complex numbers", write_hdf5, "a.h5", good_maps().astype(complex))
+add("a.h5", "Name it with --maps", write_hdf5, "a.h5", more={"again": good_maps()})
+add("a.h5", "\\x1b[2J", write_hdf5, "a.h5", more={"\x1b[2J\x07": good_maps()})
 more = {f"{n}{'x' * 1000}": good_maps()[:2] for n in range(100)}
-add("long names", "a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
-add("no such dataset", "good.h5 --maps cubes", "has no dataset cubes")
-add("no such dataset of frequencies", "good.h5 --freqs-name nus", "has no dataset nus")
-add(
-    "no sphere in HDF5",
-    "good.h5 --maps freqs",
-    "freqs must be (n_channels, n_pix) with n_pix = 12 nside^2, but the file has",
-)
+add("a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
+add("good.h5 --maps cubes", "has no dataset cubes")
+add("good.h5 --freqs-name nus", "has no dataset nus")
+add("good.h5 --maps freqs", "freqs must be (n_channels, n_pix) with n_pix = 12 nside^2, but the file has")
 for path in ("good.fits", "good.npy"):
-    add(f"--freqs-name of {path}", f"{path} --freqs nu.txt --unit mK --freqs-name x", "are for HDF5 files")
+    add(f"{path} --freqs nu.txt --unit mK --freqs-name x", "are for HDF5 files")
 
 
 # HDF5: what leads elsewhere, or nowhere.
@@ -232,36 +219,33 @@ def large_hdf5():
         file.create_dataset("maps", (24, 12 * 2**46), "f8", chunks=(1, 1024))
 
 
-add("maps in another file", "a.h5", "another file", elsewhere, "maps", good_maps())
-add("frequencies in another file", "a.h5", "another file", elsewhere, "freqs", FREQS)
-add("a link to another file", "a.h5 --maps maps", "another file", behind_a_link)
-add("a link to another file, unnamed", "a.h5", "maps in another file", behind_a_link)
-add("a virtual dataset", "a.h5", "another file", virtual)
-add("groups in groups", "a.h5", "groups", deep_groups)
-add("too many groups", "a.h5", "groups", many_groups)
-add("petabytes in HDF5", "a.h5", "GB", large_hdf5)
+add("a.h5", "another file", elsewhere, "maps", good_maps())
+add("a.h5", "another file", elsewhere, "freqs", FREQS)
+add("a.h5 --maps maps", "another file", behind_a_link)
+add("a.h5", "maps in another file", behind_a_link)
+add("a.h5", "another file", virtual)
+add("a.h5", "groups", deep_groups)
+add("a.h5", "groups", many_groups)
+add("a.h5", "GB", large_hdf5)
 
 # Containers of cora and draco.
 container = partial(write_container, "a.h5", good_maps(), FREQS)
 for pols in (["XX", "YY"], ["I", "I"]):
-    add(f"polarisations {pols}", "a.h5 --unit K", "have I once", container, pols=pols)
-axis = ("pol", "freq", "pixel")
-add("other axes", "a.h5 --unit K", "with the axes (freq, pol, pixel)", container, axis=axis)
-add("a container without a unit", "a.h5", "--unit", container)
-for n, (name, values, message) in enumerate(
-    (
-        ("index_map__freq", None, "no index_map/freq"),
-        ("index_map__pol", None, "no index_map/pol"),
-        ("index_map__pol", np.arange(4), "must have I once"),
-        ("index_map__pol", np.array([b"I"]), "1 names and"),
-        ("index_map__freq", np.array([b"900"] * 24), "frequencies |S3 (24,)"),
-        ("index_map__freq", np.zeros(24, dtype=[("width", "f8")]), "or a table with a column centre"),
-        ("index_map__freq", h5py.ExternalLink("other.h5", "freqs"), "no index_map/freq in its own"),
-        ("mask", np.zeros(SHAPE, dtype=bool), "has a mask"),
-        ("others", good_maps(), "2 are: others, map. Name it with --maps"),
-    )
+    add("a.h5 --unit K", "have I once", container, pols=pols)
+add("a.h5 --unit K", "with the axes (freq, pol, pixel)", container, axis=("pol", "freq", "pixel"))
+add("a.h5", "--unit", container)
+for name, values, message in (
+    ("index_map__freq", None, "no index_map/freq"),
+    ("index_map__pol", None, "no index_map/pol"),
+    ("index_map__pol", np.arange(4), "must have I once"),
+    ("index_map__pol", np.array([b"I"]), "1 names and"),
+    ("index_map__freq", np.array([b"900"] * 24), "frequencies |S3 (24,)"),
+    ("index_map__freq", np.zeros(24, dtype=[("width", "f8")]), "or a table with a column centre"),
+    ("index_map__freq", h5py.ExternalLink("other.h5", "freqs"), "no index_map/freq in its own"),
+    ("mask", np.zeros(SHAPE, dtype=bool), "has a mask"),
+    ("others", good_maps(), "2 are: others, map. Name it with --maps"),
 ):
-    add(f"container {n}: {message}", "a.h5 --unit K", message, container, **{name: values})
+    add("a.h5 --unit K", message, container, **{name: values})
 
 
 # FITS tables.
@@ -293,13 +277,13 @@ def columns_of_two_lengths():
     )
 
 
-add("channels in two tables", "a.fits", "maps in 2 tables", in_two_tables)
+add("a.fits", "maps in 2 tables", in_two_tables)
 for pixels in ([-1, 2, 3], [1, 2, N_PIX], [1, 2, 2]):
-    add(f"pixel numbers {pixels}", "a.fits", "pixel", part, pixels)
-add("pixel numbers alone", "a.fits", "no column with a map", part, np.arange(5), 0)
+    add("a.fits", "pixel", part, pixels)
+add("a.fits", "no column with a map", part, np.arange(5), 0)
 for form in ("M", "4A", "8X", "PE()"):
-    add(f"columns of {form}", "a.fits", "maps are real numbers", columns_of, form)
-add("logical maps", "a.fits", "maps are real numbers, and the column 950 MHz", write_fits, "a.fits",
+    add("a.fits", "maps are real numbers", columns_of, form)
+add("a.fits", "maps are real numbers, and the column 950 MHz", write_fits, "a.fits",
     np.ones((2, N_PIX), bool), dtype=bool, column_names=["950 MHz", "951 MHz"])  # fmt: skip
 FRAMES = "COORDSYS in a.fits must be one of G, C, E, ICRS, FK5, FK4, FK4-NO-E, GAPPT, S, H, got"
 SPECTRAL = "a.fits: SPECSYS must be one of TOPOCENT, GEOCENTR, BARYCENT, HELIOCEN, LSRK, LSRD, GALACTOC, "
@@ -311,71 +295,67 @@ for message, name, *values in (
     ("EQUINOX beside COORDSYS in a.fits must be a year, such as 2000, got {!r}", "EQUINOX", "soon", True),
 ):
     for value in values:
-        cards = {"COORDSYS": "C", name: value}
-        add(f"a card {name} = {value!r}", "a.fits", message.format(value), write_cards, **cards)
-add("columns of two lengths", "a.fits", "must have one length", columns_of_two_lengths)
-add("another nside", "a.fits", "it says NSIDE = 8", change_cards, "good.fits", "a.fits", NSIDE=8)
+        add("a.fits", message.format(value), write_cards, **({"COORDSYS": "C"} | {name: value}))
+add("a.fits", "must have one length", columns_of_two_lengths)
+add("a.fits", "it says NSIDE = 8", change_cards, "good.fits", "a.fits", NSIDE=8)
 units = {"column_units": ["mK", "K", "K"], "column_names": ["900 MHz", "910 MHz", "920 MHz"]}
 one = {"column_units": "K km/s", "column_names": ["950 MHz", "960 MHz"]}
-add("a unit of lines", "a.fits", "TUNIT of each column", write_fits, "a.fits", good_maps()[:2], **one)
-add("two units", "a.fits", "one unit, got", write_fits, "a.fits", good_maps()[:3], **units)
+add("a.fits", "TUNIT of each column", write_fits, "a.fits", good_maps()[:2], **one)
+add("a.fits", "one unit, got", write_fits, "a.fits", good_maps()[:3], **units)
 for cards in ({"NAXIS2": 10**12}, {"NAXIS1": 10**15}, {"NSIDE": 2**26}, {"NAXIS2": -5}):
     source = "part.fits" if "NSIDE" in cards else "good.fits"
-    add(f"large FITS {cards}", "a.fits", "a.fits", change_cards, source, "a.fits", **cards)
-add("Stokes parameters of one map", "a.fits", "Stokes parameters of one map", write_fits, "a.fits",
-    good_maps()[:3])  # fmt: skip
+    add("a.fits", "a.fits", change_cards, source, "a.fits", **cards)
+add("a.fits", "Stokes parameters of one map", write_fits, "a.fits", good_maps()[:3])
+
 
 # Images with world coordinates.
-for name, axes, cards, message in (
-    ("no FREQ axis", (*SKY["SIN"], ("LAYER", 1, 1, 1, "")), {}, "no axis FREQ"),
-    (
-        "velocities",
-        (*SKY["SIN"], ("VRAD", 1e5, 1, 1e3, "m/s")),
-        {"RESTFRQ": 1.42e9},
-        "no axis FREQ, of the channels, but RA---SIN, DEC--SIN, VRAD",
-    ),
-    ("no sky", (("X", 1, 1, 1, ""), ("Y", 1, 1, 1, ""), FREQ), {}, "two axes of the sky"),
-    ("flux", (*SKY["SIN"], FREQ), {"BUNIT": "Jy/beam"}, "u.brightness_temperature(freq, beam_area=...)"),
-    ("surface", (*SKY["SIN"], FREQ), {"BUNIT": "MJy/sr"}, "a.fits is in MJy/sr, and"),
-    (
-        "aips",
-        (*SKY["SIN"], ("VELO-LSR", 1e5, 1, 1e3, "m/s")),
-        {"RESTFREQ": 1.42e9},
-        "but RA---SIN, DEC--SIN, VELO-LSR",
-    ),
-    ("images without unit", (*SKY["SIN"], FREQ), {"BUNIT": ""}, "give unit="),
-    ("another unit of images", (*SKY["SIN"], FREQ), {"BUNIT": "m/s"}, "must be brightness temperatures"),
-    ("a sheared cube", (*SKY["SIN"], FREQ), {"PC3_1": 0.1, "PC1_3": 0.0}, "FREQ changes along axis 1 too"),
-    ("no telescope", (*SKY["SIN"], ("FREQ", 1, 1, 1, "Hz")), {}, "looks like another unit"),
-    ("no step", (*SKY["SIN"], (*FREQ[:3], 1.0, "Hz")), {}, "a.fits: two channels have the frequency"),
-    ("no frame", (*SKY["SIN"], FREQ), {"RADESYS": 3}, "a.fits: RADESYS must be one of"),
-    ("an unknown frame", (*SKY["SIN"], FREQ), {"RADESYS": "SKY"}, "a.fits: RADESYS must be one of"),
-    ("no spectral frame", (*SKY["SIN"], FREQ), {"SPECSYS": 7}, "a.fits: SPECSYS must be one of"),
-    ("a unit that is a number", (*SKY["SIN"], FREQ), {"BUNIT": 3}, "got unit '3'"),
-    ("antenna temperature", (*SKY["SIN"], FREQ), {"BUNIT": "K (Ta*)"}, "as BUNIT in a header"),
-    *(
-        (f"an axis {name}", (*SKY["SIN"], (name, *FREQ[1:])), {}, "cannot be understood")
-        for name in ("FREQ-XYZ", "VELO")
-    ),
-    ("a table of frequencies", (*SKY["SIN"], ("FREQ-TAB", *FREQ[1:])), {}, "coordinates in a table"),
+def write_image_folder(axes, **cards):
+    os.mkdir("folder")
+    write_image("folder/a.fits", images)
+    write_image("folder/b.fits", images, axes=axes, **cards)
+
+
+images = power_law_images(np.random.default_rng(1))
+for message, cards in (
+    ("u.brightness_temperature(freq, beam_area=...)", {"BUNIT": "Jy/beam"}),
+    ("a.fits is in MJy/sr, and", {"BUNIT": "MJy/sr"}),
+    ("give unit=", {"BUNIT": ""}),
+    ("must be brightness temperatures", {"BUNIT": "m/s"}),
+    ("got unit '3'", {"BUNIT": 3}),
+    ("as BUNIT in a header, TUNIT", {"BUNIT": "K (Ta*)"}),
+    ("FREQ changes along axis 1 too", {"PC3_1": 0.1, "PC1_3": 0.0}),
+    ("a.fits: RADESYS must be one of", {"RADESYS": 3}),
+    ("a.fits: RADESYS must be one of", {"RADESYS": "SKY"}),
+    ("a.fits: SPECSYS must be one of", {"SPECSYS": 7}),
 ):
-    images = power_law_images(np.random.default_rng(1))
-    add(name, "a.fits", message, write_image, "a.fits", images, axes=axes, **cards)
-for name, given, words, message in (
-    ("polarisations in an image", np.stack([images] * 4), "", "4 values along STOKES"),
-    ("one image", images[None, :1], "", "needs two channels"),
-    ("nothing seen in images", np.nan * images[None], "", "two channels with seen pixels"),
-    ("an order of images", images[None], "--order RING", "an image has no order"),
-    ("a unit of images", images[None], "--unit K", "the file says mK"),
+    add("a.fits", message, write_image, "a.fits", images, **cards)
+add("a.fits", "two axes of the sky", write_image, "a.fits", images,
+    axes=(("X", 1, 1, 1, ""), ("Y", 1, 1, 1, ""), FREQ))  # fmt: skip
+for message, *axis in (
+    ("no axis FREQ, of the channels, but RA---SIN, DEC--SIN, LAYER", "LAYER", 1, 1, 1, ""),
+    ("no axis FREQ, of the channels, but RA---SIN, DEC--SIN, VRAD", "VRAD", 1e5, 1, 1e3, "m/s"),
+    ("but RA---SIN, DEC--SIN, VELO-LSR", "VELO-LSR", 1e5, 1, 1e3, "m/s"),
+    ("looks like another unit", "FREQ", 1, 1, 1, "Hz"),
+    ("a.fits: two channels have the frequency", *FREQ[:3], 1.0, "Hz"),
+    ("cannot be understood", "FREQ-XYZ", *FREQ[1:]),
+    ("cannot be understood", "VELO", *FREQ[1:]),
+    ("coordinates in a table", "FREQ-TAB", *FREQ[1:]),
 ):
-    add(name, f"a.fits {words}", message, write_image, "a.fits", given, axes=(*SKY["SIN"], FREQ, STOKES))
+    cards = {"RESTFRQ": 1.42e9} if "/s" in axis[-1] else {}
+    add("a.fits", message, write_image, "a.fits", images, axes=(*SKY["SIN"], axis), **cards)
+for given, words, message in (
+    (np.stack([images] * 4), "", "4 values along STOKES"),
+    (images[None, :1], "", "needs two channels"),
+    (np.nan * images[None], "", "two channels with seen pixels"),
+    (images[None], "--order RING", "an image has no order"),
+    (images[None], "--unit K", "the file says mK"),
+):
+    add(f"a.fits {words}", message, write_image, "a.fits", given, axes=(*SKY["SIN"], FREQ, STOKES))
 for axes in (SKY["ZEA"], (*SKY["ZEA"], FREQ)):
-    turned = images.transpose(2, 1, 0)
     message = "as FITS counts: which axis is which is not known. Write it with a header of three axes"
-    write = partial(write_image, "a.fits", turned, axes=axes, WCSAXES=2)
-    add(f"{len(axes)} axes of three", "a.fits --freqs nu.txt", message, write)
+    add("a.fits --freqs nu.txt", message, write_image, "a.fits", images.T, axes=axes, WCSAXES=2)
 for axes in ("ra,dec", "ra,ra,freq", "time,dec,freq", "pixel,freq", ","):
-    add(f"axes {axes}", f"image.fits --axes {axes}", "such as ra,dec,freq")
+    add(f"image.fits --axes {axes}", "such as ra,dec,freq")
 up = ("FREQ", 2e9, 1, 2e6, "Hz")
 for message, axes, cards in (
     ("two channels have the frequency 980 MHz", (*SKY["SIN"], FREQ), {}),
@@ -383,16 +363,12 @@ for message, axes, cards in (
     ("must have one unit", (*SKY["SIN"], up), {"BUNIT": "K"}),
     ("only one has an axis FREQ", (*SKY["SIN"], ("", 1, 1, 1, "")), {}),
 ):
-    low, more = partial(write_image, maps=images), partial(write_image, maps=images, axes=axes, **cards)
-    add(f"images of which is said {message}", "folder", message, lambda low=low, more=more: (
-        os.mkdir("folder"), low("folder/a.fits"), more("folder/b.fits")))  # fmt: skip
-message = "the truth must have the channels and the axes of the sky of the cube"
-add("a truth of another sky", "image.fits --truth a.fits", message, write_image, "a.fits", images,
-    axes=(*SKY["CAR"], FREQ))  # fmt: skip
-add("an image of no sky", "a.fits", "two axes of the sky", lambda: fits.PrimaryHDU(
-    np.ones((24, 10, 10))).writeto("a.fits"))  # fmt: skip
-add("an image cut short", "a.fits", "cannot be read as an image cube", lambda: Path("a.fits").write_bytes(
-    Path("image.fits").read_bytes()[:9000]))  # fmt: skip
+    add("folder", message, write_image_folder, axes, **cards)
+add("image.fits --truth a.fits", "the truth must have the channels and the axes of the sky of the cube",
+    write_image, "a.fits", images, axes=(*SKY["CAR"], FREQ))  # fmt: skip
+add("a.fits", "two axes of the sky", lambda: fits.PrimaryHDU(np.ones((24, 10, 10))).writeto("a.fits"))
+add("a.fits", "cannot be read as an image cube",
+    lambda: Path("a.fits").write_bytes(Path("image.fits").read_bytes()[:9000]))  # fmt: skip
 
 
 # Numbers in .npy and in text.
@@ -404,8 +380,8 @@ READING = ["--freqs", "nu.txt", "--unit", "mK"]
 NPY = ["a.npy", *READING]
 npy = "{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}".format
 headers = [npy("<f8", f"(24, {10**15})"), npy("<f4", "(24.0, 192)"), npy("|O", "(24, 192)")]
-for n, header in enumerate([*headers, "(" * 2000, "__import__('os').mkdir('owned')"]):
-    add(f"header {n} of npy", NPY, "a.npy", npy_with_header, "a.npy", header)
+for header in (*headers, "(" * 2000, "__import__('os').mkdir('owned')"):
+    add(NPY, "a.npy", npy_with_header, "a.npy", header)
 for array in (
     np.zeros(SHAPE, "M8[s]"),
     np.full(SHAPE, "a"),
@@ -415,12 +391,12 @@ for array in (
     np.float64(3),
     np.ones((24, 0)),
 ):
-    message = "a.npy must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2"
-    add(f"an array of {array.dtype} {array.shape}", NPY, message, save, "a.npy", array)
-add("one channel", NPY, "there must be one frequency for each", save, "a.npy", np.ones((1, N_PIX)))
-add("nothing seen", NPY, "two channels with seen pixels", save, "a.npy", np.full(SHAPE, np.nan))
-add("a pickle", NPY, "no .npy file of plain numbers", save, "a.npy", np.array([{"a": 1}], dtype=object))
-add("an archive", NPY, "archive of arrays", lambda: (np.savez("a.npz", 1), os.rename("a.npz", "a.npy")))
+    add(NPY, "a.npy must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2", save, "a.npy",
+        array)  # fmt: skip
+add(NPY, "there must be one frequency for each", save, "a.npy", np.ones((1, N_PIX)))
+add(NPY, "two channels with seen pixels", save, "a.npy", np.full(SHAPE, np.nan))
+add(NPY, "no .npy file of plain numbers", save, "a.npy", np.array([{"a": 1}], dtype=object))
+add(NPY, "archive of arrays", lambda: (np.savez("a.npz", 1), os.rename("a.npz", "a.npy")))
 for numbers, message in (
     (np.full(24, "a"), "b.npy"),
     (np.zeros(0), "b.npy"),
@@ -433,8 +409,7 @@ for numbers, message in (
     (7 * np.ones((24, 12)), "1 at l = 0"),
     (1 + 0.1 * np.arange(12) * np.ones((24, 1)), "nowhere more"),
 ):
-    name = f"beams of {numbers.dtype} {numbers.shape} {numbers.ravel()[:1]}"
-    add(name, "good.h5 --beam b.npy", message, save, "b.npy", numbers)
+    add("good.h5 --beam b.npy", message, save, "b.npy", numbers)
 COLUMNS = "one frequency a line"
 for numbers, message in (
     (np.full(24, "a"), "f.npy"),
@@ -451,61 +426,48 @@ for numbers, message in (
     (np.array([EDGES[:-1], EDGES[1:] - 0.1]).T, COLUMNS),
     (np.array([np.arange(24), EDGES[:-1], EDGES[1:]]).T, COLUMNS),
 ):
-    name = f"frequencies of {numbers.dtype} {numbers.shape} {numbers.ravel()[:2]} {numbers.ravel()[-1:]}"
-    add(name, "good.npy --unit mK --freqs f.npy", message, save, "f.npy", numbers)
+    add("good.npy --unit mK --freqs f.npy", message, save, "f.npy", numbers)
 for content in (b"9\xe9\n", b"", b"1 2\n3\n"):
     for option, more in (("--freqs", "good.npy --unit mK"), ("--beam", "good.h5")):
-        write = partial(Path("f.txt").write_bytes, 24 * content)
-        add(f"{option} {content!r:.20}", f"{more} {option} f.txt", "f.txt", write)
+        add(f"{more} {option} f.txt", "f.txt", Path("f.txt").write_bytes, 24 * content)
+COMMAS = "has numbers with decimal commas"
 for content, message in (
     (b"\nfreq_MHz\n950\n951", "must hold numbers alone, got 'freq_MHz' before them; put #"),
     ("950\n951".encode("utf-16"), "is no text in UTF-8"),
     (b"950.0 MHz\n951", "is no table of numbers"),
+    (b"950,5\n951,0\n951,5\n", COMMAS),
+    (b"1;950,5\n2;951,5", COMMAS),
+    (b"950,5 0,1\n951,5 0,2", COMMAS),
+    (b"1,50\n1,49", COMMAS),
 ):
-    write = partial(Path("f.txt").write_bytes, content)
-    add(f"--freqs {content!r}", "good.npy --unit mK --freqs f.txt", f"f.txt {message}", write)
-for text in (
-    "950,5\n951,0\n951,5\n",
-    "1;950,5\n2;951,5",
-    "950,5 0,1\n951,5 0,2",
-    "1,50\n1,49",
-):
-    write = partial(Path("f.txt").write_text, text)
-    words = "good.npy --unit mK --freqs f.txt"
-    add(f"decimal commas {text!r}", words, "f.txt has numbers with decimal commas", write)
-add("petabytes in beams", "good.h5 --beam b.npy", "b.npy", npy_with_header, "b.npy",
-    npy("<f8", f"(24, {10**13})"))  # fmt: skip
+    add("good.npy --unit mK --freqs f.txt", f"f.txt {message}", Path("f.txt").write_bytes, content)
+add("good.h5 --beam b.npy", "b.npy", npy_with_header, "b.npy", npy("<f8", f"(24, {10**13})"))
 
 # Masks, weights and flags.
 for content in (b"no mask", b""):
-    add(f"a mask {content!r}", "good.h5 --mask m.fits", "m.fits", Path("m.fits").write_bytes, content)
-add("a mask in HDF5", "good.h5 --mask good.h5", "must be a .fits or .npy file")
-add("a mask that is not there", "good.h5 --mask away.fits", "away.fits")
+    add("good.h5 --mask m.fits", "m.fits", Path("m.fits").write_bytes, content)
+add("good.h5 --mask good.h5", "must be a .fits or .npy file")
+add("good.h5 --mask away.fits", "away.fits")
 spot = (np.arange(N_PIX) < 5).astype(np.float32)
-for name, mask, message in (
-    ("of another nside", np.ones(768), "one map of the pixels of the cube, (192,); got (1, 768)"),
-    ("of weights", 0.5 * spot, "1 where kept and 0 elsewhere, such as mask > 0.5; 5 are not"),
-    ("that keeps nothing", 0 * spot, "keeps no pixel"),
-    ("that keeps too little", spot, "fewer than the 24 channels"),
+for mask, message in (
+    (np.ones(768), "one map of the pixels of the cube, (192,); got (1, 768)"),
+    (0.5 * spot, "1 where kept and 0 elsewhere, such as mask > 0.5; 5 are not"),
+    (0 * spot, "keeps no pixel"),
+    (spot, "fewer than the 24 channels"),
 ):
-    add(f"a mask {name}", "good.h5 --mask m.fits", message, write_fits, "m.fits", mask, column_units=None)
-words = "good.h5 --mask m.fits --method beam_subspace --beam evolving"
-message = "there are 1 modes to l = 8, and 24 channels need as many"
-add("a mask and multipoles", words, message, write_fits, "m.fits", spot)
-add("a mask of what is not seen", "part.fits --mask m.fits", "no pixel that the cube sees", write_fits,
-    "m.fits", spot[::-1])  # fmt: skip
-add("a mask of other axes", "image.fits --mask m.fits", "m.fits must have the axes of the sky of the cube",
-    write_image, "m.fits", np.ones((N_Y, N_X)), axes=SKY["CAR"], BUNIT="")  # fmt: skip
-add("a mask of turned images", "image.fits --mask m.npy", "m.npy must have the shape of an image", np.save,
-    "m.npy", np.ones((N_X, N_Y), bool))  # fmt: skip
-add("a mask of each channel", "good.h5 --mask m.npy", "m.npy must be one map", np.save, "m.npy",
-    np.ones(SHAPE, bool))  # fmt: skip
-add("a mask of images that is rotated", "image.fits --mask m.fits --rotate", "only HEALPix maps are rotated",
-    write_image, "m.fits", np.ones((N_Y, N_X)), axes=SKY["SIN"], BUNIT="")  # fmt: skip
-add("a mask without an order", "good.h5 --mask m.fits", "ORDERING", change_cards, "mask.fits", "m.fits",
-    ORDERING="''")  # fmt: skip
-add("weights without an order", "good.h5 --weights m.fits", "must say ORDERING", change_cards, "mask.fits",
-    "m.fits", ORDERING="''")  # fmt: skip
+    add("good.h5 --mask m.fits", message, write_fits, "m.fits", mask, column_units=None)
+add("good.h5 --mask m.fits --method beam_subspace --beam evolving",
+    "there are 1 modes to l = 8, and 24 channels need as many", write_fits, "m.fits", spot)  # fmt: skip
+add("part.fits --mask m.fits", "no pixel that the cube sees", write_fits, "m.fits", spot[::-1])
+add("image.fits --mask m.fits", "m.fits must have the axes of the sky of the cube", write_image, "m.fits",
+    np.ones((N_Y, N_X)), axes=SKY["CAR"], BUNIT="")  # fmt: skip
+add("image.fits --mask m.npy", "m.npy must have the shape of an image", np.save, "m.npy",
+    np.ones((N_X, N_Y), bool))  # fmt: skip
+add("good.h5 --mask m.npy", "m.npy must be one map", np.save, "m.npy", np.ones(SHAPE, bool))
+add("image.fits --mask m.fits --rotate", "only HEALPix maps are rotated", write_image, "m.fits",
+    np.ones((N_Y, N_X)), axes=SKY["SIN"], BUNIT="")  # fmt: skip
+add("good.h5 --mask m.fits", "ORDERING", change_cards, "mask.fits", "m.fits", ORDERING="''")
+add("good.h5 --weights m.fits", "must say ORDERING", change_cards, "mask.fits", "m.fits", ORDERING="''")
 
 
 def bad(value):
@@ -525,11 +487,10 @@ for word, values, message in (
     ("weights", np.zeros(N_PIX), "needs two channels with seen pixels, got 0 of 24"),
     ("weights", np.full(N_PIX, "a"), "must be real numbers"),
 ):
-    name = f"{word} of {values.dtype} {values.shape} {values.ravel()[5]}"
-    add(name, f"good.h5 --{word} w.npy", message, save, "w.npy", values)
-add("infinite weights in FITS", "good.h5 --weights w.fits", "w.fits must be finite and 0 or more; 0 means "
-    "not seen; 1 are not", write_fits, "w.fits", bad(np.inf)[0], column_units=None)  # fmt: skip
-ones, images = np.ones(SHAPE), np.ones((N_CHANNELS, N_Y, N_X), "f4")
+    add(f"good.h5 --{word} w.npy", message, save, "w.npy", values)
+add("good.h5 --weights w.fits", "w.fits must be finite and 0 or more; 0 means not seen; 1 are not",
+    write_fits, "w.fits", bad(np.inf)[0], column_units=None)  # fmt: skip
+ones, blank = np.ones(SHAPE), np.ones((N_CHANNELS, N_Y, N_X), "f4")
 descending = {"column_names": [f"{freq:g} MHz" for freq in FREQS[::-1]]}
 for word in ("weights", "flags"):
     both = {f"{place}/{word}": np.arange(n) for n, place in enumerate("ab", 3)}
@@ -541,138 +502,115 @@ for word in ("weights", "flags"):
         ("w.npy", "is no .npy file", partial(npy_with_header, "w.npy", "")),
         ("w.fits", "must have the channels of the cube", partial(write_fits, "w.fits", ones, **descending)),
     ):
-        add(f"{word} in {file}", f"good.h5 --{word} {file}", message, write)
+        add(f"good.h5 --{word} {file}", message, write)
     alike = "must have the axes of the sky of the cube"
-    for n, (file, message, write) in enumerate(
-        (
-            ("w.fits", alike, partial(write_image, "w.fits", images[0].T, axes=SKY["SIN"])),
-            ("nu.txt", "of a cube of images must be a .fits or .npy file", None),
-            ("w.npy", "the shape of an image of the cube, (12, 16)", partial(save, "w.npy", images[0].T)),
-            ("w.npy", "must be of the pixels of the cube", partial(save, "w.npy", images[:3])),
-        )
+    for file, message, write in (
+        ("w.fits", alike, partial(write_image, "w.fits", blank[0].T, axes=SKY["SIN"])),
+        ("nu.txt", "of a cube of images must be a .fits or .npy file", None),
+        ("w.npy", "the shape of an image of the cube, (12, 16)", partial(save, "w.npy", blank[0].T)),
+        ("w.npy", "must be of the pixels of the cube", partial(save, "w.npy", blank[:3])),
     ):
-        add(f"{word} of images {n}", f"image.fits --{word} {file}", message, write)
+        add(f"image.fits --{word} {file}", message, write)
 
 
 # Truths, outputs, names of files and other words of commands.
-TRUTH = "the truth is the cube itself"
-add("the cube as its truth", "good.h5 --truth good.h5", TRUTH)
-add("the cube in another file as its truth", ["good.h5", "--truth", "good.npy", *READING], TRUTH)
-add("a truth of other channels", "good.h5 --truth a.h5", "got 953 MHz where that has 950", write_hdf5, "a.h5",
-    freqs=FREQS + 3)  # fmt: skip
-add("a truth of another nside", "good.h5 --truth a.h5", "the truth must have the channels",
-    write_hdf5, "a.h5", np.tile(good_maps(), 4))  # fmt: skip
+add("good.h5 --truth good.h5", "the truth is the cube itself")
+add(["good.h5", "--truth", "good.npy", *READING], "the truth is the cube itself")
+add("good.h5 --truth a.h5", "got 953 MHz where that has 950", write_hdf5, "a.h5", freqs=FREQS + 3)
+add("good.h5 --truth a.h5", "the truth must have the channels", write_hdf5, "a.h5", np.tile(good_maps(), 4))
 
 
-over = "good.npy --freqs nu.html --unit mK --overwrite --method beam_subspace --beam evolving"
-add("suggest over its flags", "suggest good.h5 --flags f.html -o f.html --overwrite", "made from",
-    Path("f.html").touch)  # fmt: skip
-add("suggest to a page that is there", "suggest good.h5 -o f.html", "give --overwrite", Path("f.html").touch)
+add("suggest good.h5 -o f.html", "give --overwrite", Path("f.html").touch)
+add("suggest good.h5 --flags f.html -o f.html --overwrite", "made from", Path("f.html").touch)
 for command, output in (("clean", "nu.h5"), ("suggest", "nu.html"), ("transfer", "nu.html")):
-    add(f"{command} over frequencies", f"{command} {over} -o {output}", "made from", os.rename, "nu.txt",
-        "nu.html")  # fmt: skip
-over = "good.npy --unit mK --freqs c_mixing.txt -o c.npy --overwrite"
-add("frequencies over by a companion", over, "made from", os.rename, "nu.txt", "c_mixing.txt")
-over = f"c_foreground.npy {' '.join(READING)} -o c.npy --overwrite"
-add("a cube over by a companion", over, "made from", os.rename, "good.npy", "c_foreground.npy")
-add("over its mask", "good.h5 --mask mask.fits -o mask.fits --overwrite", "made from")
-add("over its weights", "good.h5 --weights bl.npy -o bl.npy --overwrite", "made from")
-prior = "good.h5 --method gnilc -p prior=good.npy -o good.npy --overwrite"
-add("over its prior", prior, "made from")
-add("over its cube", "good.h5 -o good.h5 --overwrite", "made from")
-add("over its truth", "good.h5 --truth good.npy -o good.npy --overwrite", "made from")
-add("over its cube by another name", ["link.npy", *READING, "-o", "good.npy", "--overwrite"], "made from",
-    os.symlink, "good.npy", "link.npy")  # fmt: skip
-add("an output that is there", "good.h5 -o good.fits", "give --overwrite")
-message = "the output is a .h5, .hdf5, .fits, .fits.gz or .npy file, got c.txt"
-add("an output of no kind", "good.h5 -o c.txt", message)
+    words = f"{command} good.npy --freqs nu.html --unit mK --method beam_subspace --beam evolving -o {output}"
+    add(f"{words} --overwrite", "made from", os.rename, "nu.txt", "nu.html")
+for words, *names in (
+    ("good.npy --unit mK --freqs c_mixing.txt -o c.npy", "nu.txt", "c_mixing.txt"),
+    ("c_foreground.npy --unit mK --freqs nu.txt -o c.npy", "good.npy", "c_foreground.npy"),
+):
+    add(f"{words} --overwrite", "made from", os.rename, *names)
+for words in (
+    "--mask mask.fits -o mask.fits",
+    "--weights bl.npy -o bl.npy",
+    "--method gnilc -p prior=good.npy -o good.npy",
+    "-o good.h5",
+    "--truth good.npy -o good.npy",
+):
+    add(f"good.h5 {words} --overwrite", "made from")
+add(["link.npy", *READING, "-o", "good.npy", "--overwrite"], "made from", os.symlink, "good.npy", "link.npy")
+add("good.h5 -o good.fits", "give --overwrite")
+add("good.h5 -o c.txt", "the output is a .h5, .hdf5, .fits, .fits.gz or .npy file, got c.txt")
 for name in ("nowhere/c.h5", "c.hdf", "", "..", "c\0.h5"):
-    add(f"an output {name!r}", ["good.h5", "-o", name], "")
-add("a folder as output", "good.h5 -o p.h5 --overwrite", "p.html is a folder", os.mkdir, "p.html")
-
-add("a folder as cube", "good.h5 -o p.h5 --overwrite", "p.h5 is a folder; give the name", os.mkdir, "p.h5")
-add("a pipe as output", "good.h5 -o p.h5 --overwrite", "p.h5 is no ordinary file", os.mkfifo, "p.h5")
-
-LONG = "x" * 300 + ".h5"
+    add(["good.h5", "-o", name], "")
+add("good.h5 -o p.h5 --overwrite", "p.html is a folder", os.mkdir, "p.html")
+add("good.h5 -o p.h5 --overwrite", "p.h5 is a folder; give the name", os.mkdir, "p.h5")
+add("good.h5 -o p.h5 --overwrite", "p.h5 is no ordinary file", os.mkfifo, "p.h5")
 for option in ("", "--beam", "--truth", "-o"):
     message = "cannot be written (File name too long)" if option == "-o" else "xxx"
-    add(f"a long name as {option}", f"{'good.h5 ' * bool(option)}{option} {LONG}", message)
+    add(f"{'good.h5 ' * bool(option)}{option} {'x' * 300}.h5", message)
 for option in ("", "--freqs", "--mocks"):
-    words = f"{'good.h5 ' * bool(option)}{option} loop.h5"
-    add(f"a loop of links as {option}", words, "loop.h5", os.symlink, "loop.h5", "loop.h5")
-for words, name in (
-    ("pipe.h5", "pipe.h5"),
-    ("good.h5 --beam pipe.txt", "pipe.txt"),
-    ("good.h5 --mask pipe.fits", "pipe.fits"),
-    ("good.h5 --method gnilc -p prior=pipe.npy", "pipe.npy"),
+    add(f"{'good.h5 ' * bool(option)}{option} loop.h5", "loop.h5", os.symlink, "loop.h5", "loop.h5")
+for words in ("", "good.h5 --beam ", "good.h5 --mask ", "good.h5 --method gnilc -p prior="):
+    add(f"{words}pipe.fits", "pipe.fits", os.mkfifo, "pipe.fits")
+add("good.h5 --mask folder", "folder", os.mkdir, "folder")
+add("folder", "holds no FITS file", os.mkdir, "folder")
+for message, write in (
+    ("920MHz.fits", os.mkfifo),
+    ("920MHz.fits", os.mkdir),
+    ("one order of pixels, got", partial(write_fits, maps=good_maps()[1], nest=True)),
+    ("one map", partial(write_fits, maps=good_maps()[:3], column_names=["I", "Q", "weights"])),
 ):
-    add(f"a pipe in {words}", words, name, os.mkfifo, name)
-add("a folder as a mask", "good.h5 --mask folder", "folder", os.mkdir, "folder")
-for make in (os.mkfifo, os.mkdir):
-    add(f"{make.__name__} in a folder", "folder", "920MHz.fits", lambda make=make: (
-        write_folder("folder", ["900MHz", "910MHz"]), make("folder/920MHz.fits")))  # fmt: skip
-add("an empty folder", "folder", "holds no FITS file", os.mkdir, "folder")
-add("two orders in a folder", "folder", "one order of pixels, got", lambda: (
-    write_folder("folder", ["900MHz"]),
-    write_fits("folder/910MHz.fits", good_maps()[1], nest=True)))  # fmt: skip
-add("other columns than Stokes", "folder", "must hold one map", lambda: (os.mkdir("folder"), write_fits(
-    "folder/900MHz.fits", good_maps()[:3], column_names=["I", "Q", "weights"])))  # fmt: skip
+    add("folder", message, lambda write=write: (
+        write_folder("folder", ["900MHz", "910MHz"]), write("folder/920MHz.fits")))  # fmt: skip
 for name in ("a.h5", "a.fits", "a.npy", "a.txt"):
     for content in ("", "no cube"):
         words = [name, *(READING if name == "a.npy" else [])]
         message = "a cube is HDF5, FITS or .npy" if name == "a.txt" else name
-        add(f"{content or 'nothing'} in {name}", words, message, lambda name=name, content=content: Path(
-            name).write_text(content))  # fmt: skip
-add("an archive of HDF5", "a.h5.gz", "this is none of them (unpack archives", lambda: Path(
-    "a.h5.gz").write_bytes(gzip.compress(Path("good.h5").read_bytes())))  # fmt: skip
-add("no name", [""], "there is no file ''")
-add("no such file", "nothing.h5", "there is no file")
-add("no unit", "good.npy --freqs nu.txt", "K or mK")
-add("a wrong unit", "good.npy --freqs nu.txt --unit Jy", "brightness temperatures")
-add("no frequencies", "good.npy --unit mK", NO_FREQS)
-add("a wrong order", "good.h5 --order SPIRAL", "RING or NESTED")
-add("an order that contradicts the file", "good.h5 --order NESTED", "the file says RING, but the order")
-add("a unit that contradicts the file", "good.h5 --unit K", "the file says mK, but the unit given is K")
-add("a wrong frame", "good.h5 --frame X", "frame of coordinates (--frame) must be one of G, C, E, ICRS")
-add("a frame that contradicts the file", "a.h5 --frame G", "the file says C, but the frame given is G",
-    write_hdf5, "a.h5", coordsys="C")  # fmt: skip
-add("frequencies that contradict the file", "good.h5 --freqs widths.txt", "but the list of frequencies")
+        add(words, message, lambda name=name, content=content: Path(name).write_text(content))
+add("a.h5.gz", "this is none of them (unpack archives",
+    lambda: Path("a.h5.gz").write_bytes(gzip.compress(Path("good.h5").read_bytes())))  # fmt: skip
+add([""], "there is no file ''")
+add("nothing.h5", "there is no file")
+add("good.npy --freqs nu.txt", "K or mK")
+add("good.npy --freqs nu.txt --unit Jy", "brightness temperatures")
+add("good.npy --unit mK", NO_FREQS)
+add("good.h5 --order SPIRAL", "RING or NESTED")
+add("good.h5 --order NESTED", "the file says RING, but the order")
+add("good.h5 --unit K", "the file says mK, but the unit given is K")
+add("good.h5 --frame X", "frame of coordinates (--frame) must be one of G, C, E, ICRS")
+add("a.h5 --frame G", "the file says C, but the frame given is G", write_hdf5, "a.h5", coordsys="C")
+add("good.h5 --freqs widths.txt", "but the list of frequencies")
 
 BEAM = "--method beam_subspace --beam"
-add("an unknown method", "good.h5 --method magic", "unknown method")
-add("an unknown parameter", "good.h5 -p n_sorces=3", "did you mean n_sources")
-add("a parameter given twice", "good.h5 -p n_sources=2 -p N_SOURCES=3", "n_sources is given twice")
-add(
-    "a parameter that is no text",
-    "good.h5 -p contrast=\udcff --method fastica",
-    "contrast must be text in UTF-8",
-)
-add("flags for what takes none", "good.h5 --flags bl.npy --method fastica", "fastica takes no weights")
-for n, (write, message) in enumerate(
-    (
-        (None, "there is no file"),
-        (partial(Path("p.npy").write_bytes, b"words"), "is no .npy file of plain numbers"),
-        (partial(np.save, "p.npy", np.zeros((3, 12))), "the shape of the maps, (24, 192), got (3, 12)"),
-        (partial(np.save, "p.npy", np.full(SHAPE, np.nan)), "the mock of prior must be finite everywhere"),
-    )
+add("good.h5 --method magic", "unknown method")
+add("good.h5 -p n_sorces=3", "did you mean n_sources")
+add("good.h5 -p n_sources=2 -p N_SOURCES=3", "n_sources is given twice")
+add("good.h5 -p contrast=\udcff --method fastica", "contrast must be text in UTF-8")
+add("good.h5 --flags bl.npy --method fastica", "fastica takes no weights")
+for write, message in (
+    (None, "there is no file"),
+    (partial(Path("p.npy").write_bytes, b"words"), "is no .npy file of plain numbers"),
+    (partial(np.save, "p.npy", np.zeros((3, 12))), "the shape of the maps, (24, 192), got (3, 12)"),
+    (partial(np.save, "p.npy", np.full(SHAPE, np.nan)), "the mock of prior must be finite everywhere"),
 ):
-    add(f"prior {n}", "good.h5 --method gnilc -p prior=p.npy", message, write)
-add("a parameter called name", "good.h5 -p name=x", "name")
+    add("good.h5 --method gnilc -p prior=p.npy", message, write)
+add("good.h5 -p name=x", "name")
 for value in ("0", "many", "1e999"):
-    add(f"n_sources={value}", f"good.h5 -p n_sources={value}", "n_sources")
-add("more sources than channels", "good.h5 -p n_sources=30", "at most the number of channels")
-add("no noise", "good.h5 --method sdecgmca --beam evolving", "-p noise=0.04")
-add("restarts of what has none", "good.h5 --restarts 8", "leave restarts out")
-add("no restarts", "good.h5 --method sdecgmca --beam evolving --restarts 0", "restarts must be")
-add("no beam", "good.h5 --method beam_subspace", "give --beam")
-add("an unknown beam", f"good.h5 {BEAM} square", "unknown beam")
-add("a beam without its file", f"good.h5 {BEAM} file", "the path of the file itself")
-add("beams for other channels", f"good.h5 {BEAM} b.npy", "got (3,)", save, "b.npy", np.ones(3))
-add("a dish of no size", "good.h5 --beam evolving --dish 0", "diameter in m")
-add("a dish alone", "good.h5 --dish 3", "dish")
+    add(f"good.h5 -p n_sources={value}", "n_sources")
+add("good.h5 -p n_sources=30", "at most the number of channels")
+add("good.h5 --method sdecgmca --beam evolving", "-p noise=0.04")
+add("good.h5 --restarts 8", "leave restarts out")
+add("good.h5 --method sdecgmca --beam evolving --restarts 0", "restarts must be")
+add("good.h5 --method beam_subspace", "give --beam")
+add(f"good.h5 {BEAM} square", "unknown beam")
+add(f"good.h5 {BEAM} file", "the path of the file itself")
+add(f"good.h5 {BEAM} b.npy", "got (3,)", save, "b.npy", np.ones(3))
+add("good.h5 --beam evolving --dish 0", "diameter in m")
+add("good.h5 --dish 3", "dish")
 for word in ("1000000000000", "0", "-3"):
     message = f"the number of mocks must be a whole number between 1 and 10000, got {word}"
-    add(f"{word} mocks", f"transfer good.h5 --beam evolving --mocks {word}", message)
+    add(f"transfer good.h5 --beam evolving --mocks {word}", message)
 for words, message in (
     ("--mocks 2", "give it (beams=, --beam), or mocks of your own"),
     ("--mocks 2 --mocks part.fits", "one number, or a file for each mock"),
@@ -680,24 +618,22 @@ for words, message in (
     ("--mocks good.h5 --mock-noise 1", "those from files have their own"),
     ("--beam evolving --mocks 2 --mock-noise 0", "noise must be above zero"),
 ):
-    add(f"transfer {words}", f"transfer good.h5 {words}", message)
+    add(f"transfer good.h5 {words}", message)
 message = "a.h5: a mock must have the channels and the nside of the cube"
-add("a mock of another nside", "transfer good.h5 --mocks a.h5", message, write_hdf5, "a.h5",
-    np.tile(good_maps(), 4))  # fmt: skip
-add("noise of no mocks", "good.h5 --mock-noise 1", "belongs to a number")
+add("transfer good.h5 --mocks a.h5", message, write_hdf5, "a.h5", np.tile(good_maps(), 4))
+add("good.h5 --mock-noise 1", "belongs to a number")
 for name in ("gnilc", "sdecgmca", "beam_subspace", "smooth_spectra"):
     message = f"{name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
     message += "fastica, gaussian_process, gmca, parametric, pca or polynomial"
-    add(f"{name} of images", f"image.fits --method {name} --beam evolving", message)
+    add(f"image.fits --method {name} --beam evolving", message)
 for words in ("--beam evolving", "--mocks image.fits", "--mocks 2"):
-    add(f"{words} of images", f"image.fits {words}", "the cube is an image in the plane")
+    add(f"image.fits {words}", "the cube is an image in the plane")
 for words in (f"--to {10**30}", "--from 24 --to 25"):
-    add(f"suggest {words}", f"suggest good.h5 --keep-peaks {words}", "sources")
-add("suggest n_sources", "suggest good.h5 -p n_sources=3", "--from and --to")
-add("suggest for what has no sources", "suggest good.h5 --method polynomial", "has no number of sources")
-add("suggest for what takes no flags", "suggest good.h5 --flags bl.npy --method gmca", "takes no weights")
+    add(f"suggest good.h5 --keep-peaks {words}", "sources")
+add("suggest good.h5 -p n_sources=3", "--from and --to")
+add("suggest good.h5 --method polynomial", "has no number of sources")
+add("suggest good.h5 --flags bl.npy --method gmca", "takes no weights")
 for command in ("suggest", "sensitivity", "transfer"):
-    add(f"{command} to a picture", f"{command} good.h5 -o n.png", "the page is a .html file")
+    add(f"{command} good.h5 -o n.png", "the page is a .html file")
 for command in ("claims", "readings"):
-    words = f"measure {command} -p n_sources_max=1000000000000"
-    add(f"{command} without end", words, "n_sources_max must be a whole number")
+    add(f"measure {command} -p n_sources_max=1000000000000", "n_sources_max must be a whole number")

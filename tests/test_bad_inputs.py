@@ -89,9 +89,10 @@ def check_refused(done, message=""):
     assert len(done.output) < LONGEST and done.output.replace("\n", "").isprintable()
 
 
-@pytest.mark.parametrize("name", BAD)
-def test_by_hand(name, here):
-    words, message, write = BAD[name]
+@pytest.mark.parametrize(
+    ("words", "message", "write"), BAD, ids=[" ".join([*one[0], one[1]])[:80] for one in BAD]
+)
+def test_by_hand(words, message, write, here):
     if write is not None:
         write()
     before = contents(here)
