@@ -326,65 +326,34 @@ def test_stored_results_are_of_commits_that_there_are():
     assert commits and not [found for found, answer in pairs if answer.endswith(("missing", "ambiguous"))]
 
 
-FIGURES = {
-    "figures": [
-        {
-            "name": "fig-one",
-            "paper": "1",
-            "parameters": {"preset": "paper", "galaxy": "templates"},
-            "execution": {"himap": "0.1.0", "commit": "abc1234", "dirty": False, "seconds": 60},
-            "panels": {
-                "sky": [
-                    {"x": list(range(1, 400)), "y": {"HI + noise": [2.0] * 399, "PCA": [3.0] * 399}},
-                    {"x": list(range(5, 201)), "y": {"SDecGMCA": [1.0] * 196, "other": [9.0] * 196}},
-                ]
-            },
-        }
-    ]
-}
+def test_ratios_to_the_truth_of_the_book():
+    """At the paper's size every panel has six methods, at every l from 2 to 200."""
+    for title, curves in stored_curves("paper_templates", "fig-results-angular").items():
+        panel, (_, true) = angular_ratios(curves, title=title), curves["HI + noise"]
+        assert panel["title"] == title and len(panel["curves"]) == 6
+        for degrees, ratio, *_, look in panel["curves"]:
+            (power,) = (
+                curves[name][1] for name in (look["label"], f"{look['label']}: median") if name in curves
+            )
+            assert degrees.tolist() == list(range(2, 201))
+            assert ratio == pytest.approx((power / true)[curves["HI + noise"][0] <= 200][-199:])
 
 
-@pytest.fixture
-def results(tmp_path):
-    (tmp_path / "large").mkdir()
-    (tmp_path / "large" / "figures.json").write_text(json.dumps(FIGURES))
-    return tmp_path
+def test_ratios_of_an_ensemble_are_its_median_and_its_band():
+    """At those l that it has, of more of the truth; what is no method is not drawn."""
+    degrees, name = np.arange(5, 202), "SDecGMCA, median of 4 (1 failed)"
+    parts = {"16 %": 0.9, "median": 1.0, "84 %": 1.2, "restart 0": 30.0}
+    curves = {f"{name}: {part}": (degrees, np.full(197, value)) for part, value in parts.items()}
+    curves |= {"HI + noise": (np.arange(1, 400), np.full(399, 2.0)), "other": (degrees, np.ones(197))}
+    ((drawn, *ratios, look),) = angular_ratios(curves)["curves"]
+    assert look["label"] == name and drawn.tolist() == list(range(5, 201))
+    assert [ratio.tolist() for ratio in ratios] == [[value] * 196 for value in (0.5, 0.45, 0.6)]
 
 
-class TestCurves:
-    def test_ratios(self, results):
-        (curves,) = stored_curves("large", "fig-one", results).values()
-        panel = angular_ratios(curves, title="sky")
-        pca, sdecgmca = panel["curves"]  # what is no method is not drawn
-        assert (pca[-1]["label"], sdecgmca[-1]["label"]) == ("PCA", "SDecGMCA")
-        assert pca[0].tolist() == list(range(2, 201)) and np.all(pca[1] == 1.5)
-        assert sdecgmca[0].tolist() == list(range(5, 201)) and np.all(sdecgmca[1] == 0.5)
-        assert panel["title"] == "sky"
-
-    def test_an_ensemble_is_its_median_and_its_band(self):
-        degrees, name = np.arange(2, 9), "SDecGMCA, median of 4 (1 failed)"
-        parts = {"16 %": 0.9, "median": 1.0, "84 %": 1.2, "restart 0": 30.0}
-        curves = {f"{name}: {part}": (degrees, np.full(7, value)) for part, value in parts.items()}
-        ((_, middle, low, high, look),) = angular_ratios(curves | {"HI + noise": (degrees, np.ones(7))})[
-            "curves"
-        ]
-        assert (look["label"], middle[0], low[0], high[0]) == (name, 1.0, 0.9, 1.2)
-
-    def test_of_the_book(self):
-        """At the paper's size every panel has six methods, at every l from 2 to 200."""
-        for curves in stored_curves("paper_templates", "fig-results-angular").values():
-            found = angular_ratios(curves)["curves"]
-            assert len(found) == 6
-            for degrees, ratio, *_ in found:
-                assert degrees.tolist() == list(range(2, 201)) and np.all(ratio > 0)
-
-
-def test_one_picture(results):
-    text = picture("large", "fig-one", results)
-    assert text.count("large/fig-one.png") == 2
-    assert "*The paper's Fig. 1, made again.*" in text
-    assert text.endswith("\n\n*paper, templates Galaxy · himap 0.1.0, commit abc1234*")
-    known = picture("paper_templates", "fig-results-frequency")
-    assert "*The paper's Fig. 2, made again: Frequency power spectrum" in known
-    with pytest.raises(InputError, match="no stored figure fig-two in large; there are fig-one"):
-        picture("large", "fig-two", results)
+def test_one_picture():
+    text = picture("paper_templates", "fig-results-frequency")
+    assert text.count("paper_templates/fig-results-frequency.png") == 2
+    assert "*The paper's Fig. 2, made again: Frequency power spectrum" in text
+    assert re.search(r"\n\n\*paper, templates \(nside 64\) Galaxy · .*himap [\d.]+, commit \w+\*$", text)
+    with pytest.raises(InputError, match="no stored figure fig-two in paper_templates; there are fig-"):
+        picture("paper_templates", "fig-two")
