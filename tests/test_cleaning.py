@@ -1,4 +1,4 @@
-"""Data and cleanings: what is computed once, and what a cleaning with something changed is worth."""
+"""Data and cleanings: what is computed once and in blocks, and what one with something changed is worth."""
 
 from dataclasses import replace
 
@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from sparse_problem import BEAMS, NSIDE, make_problem
 
-from himap.maps import sphere
-from himap.removal import PCA, BeamSubspace, FastICA, SDecGMCA, analysis
+from himap.maps import low_rank, sphere
+from himap.removal import PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA, analysis
 from himap.removal.cleaning import Cleaning
 from himap.removal.data import Data
-from himap.removal.peaks import SPREADS, mask_peaks
+from himap.removal.peaks import SPREADS, mask_peaks, smooth_baselines
 
 FREQS = np.linspace(900, 1400, 8)
 SDECGMCA = SDecGMCA(n_sources=2, thresholds="analytic", n_warmup=2, n_refinement=1)
@@ -151,3 +151,39 @@ class TestCleaning:
         expected = PCA().clean(spiked.maps, freqs=spiked.freqs, separate_on=masked.maps, mask=kept)
         assert np.array_equal(cleaning.on(kept).residual, expected.residual[:, kept])
         assert cleaning.flagged == masked.flagged.mean() > 0
+
+
+def test_what_one_block_raises_is_raised(monkeypatch):
+    monkeypatch.setattr(sphere, "n_threads", lambda: 3)
+
+    def work(block):
+        if block.start == 4:
+            raise ZeroDivisionError("of the second block")
+
+    with pytest.raises(ZeroDivisionError, match="second block"):
+        low_rank.in_threads(work, 10, "", 4)
+
+
+@pytest.mark.parametrize("step", ["peaks", "polynomial", "parametric", "projection"])
+def test_threads_change_nothing(step, rng, monkeypatch):
+    freqs = np.linspace(900, 1050, 24)
+    sky = 1e3 * rng.lognormal(0, 1, 12 * 32**2)  # three blocks of the peak masking
+    maps = (sky * (freqs[:, None] / 1000) ** -2.7).astype(np.float32)
+    maps[10, ::7] += 500
+
+    def found():
+        match step:
+            case "peaks":
+                baselines = smooth_baselines(maps, freqs, order=3, n_sigma=4)
+                return baselines.first, baselines.second, baselines.flagged
+            case "projection":
+                return (low_rank.projection(np.vander(freqs / 1000, 3).T, maps),)
+            case _:
+                method = Polynomial(order=3) if step == "polynomial" else Parametric()
+                return (method.separate(Data.of(maps, freqs=freqs)).sources,)
+
+    monkeypatch.setattr(sphere, "n_threads", lambda: 1)
+    alone = found()
+    monkeypatch.setattr(sphere, "n_threads", lambda: 3)
+    monkeypatch.setattr(low_rank, "_BLOCK", 5000)
+    assert all(map(np.array_equal, found(), alone))
