@@ -43,7 +43,7 @@ def write_good():
 
 
 def write_hdf5(path, maps=None, freqs_name="freqs", freqs=FREQS, more=None, said=SAID, **attributes):
-    """A cube in HDF5, with attributes of its maps and datasets `more`; a file that is open, for changes."""
+    """A cube in HDF5, with attributes of its maps and datasets `more`; gives its path."""
     with h5py.File(path, "w") as file:
         file.create_dataset("maps", data=good_maps() if maps is None else maps).attrs.update(attributes)
         if freqs_name is not None:
@@ -51,6 +51,7 @@ def write_hdf5(path, maps=None, freqs_name="freqs", freqs=FREQS, more=None, said
         for name, values in (more or {}).items():
             file[name] = values
         file.attrs.update(said)
+    return path
 
 
 def write_fits(path, maps, **options):
@@ -96,13 +97,16 @@ def change_cards(path, target, **cards):
     Path(target).write_bytes(data)
 
 
-def change(path, *names, **attributes):
-    """Attributes of datasets, or of good.h5 itself, as a.h5."""
-    write_hdf5("a.h5")
-    with h5py.File("a.h5", "a") as file:
-        for name in names:
-            del file[name]
-        (file if path == "/" else file[path]).attrs.update(attributes)
+def without(name):
+    """a.h5, a good one but for one dataset, open for another in its place."""
+    file = h5py.File(write_hdf5("a.h5"), "a")
+    del file[name]
+    return file
+
+
+def with_unit_of_freqs(unit):
+    with h5py.File(write_hdf5("a.h5"), "a") as file:
+        file["freqs"].attrs["unit"] = unit
 
 
 BAD = []
@@ -145,14 +149,11 @@ for value in (np.bytes_(b"\xff\xfe"), 7, ["mK", "K"], h5py.Empty("S1"), "K" * 20
 for value in (np.bytes_(b"R\xcfNG"), 1, "\x1b[31mRING"):
     add("a.h5", "RING or NESTED", write_hdf5, "a.h5", said={"unit": "mK"}, order=value)
 for value in ("parsec", np.bytes_(b"\xb5Hz"), "(" * 5000):
-    add("a.h5", "Hz", change, "freqs", unit=value)
+    add("a.h5", "Hz", with_unit_of_freqs, value)
 for values in (np.array([b"a"] * 24), np.ones(24, bool), FREQS.astype(complex)):
     add("a.h5", "freq", write_hdf5, "a.h5", freqs=values)
 for message, more in (
-    ("a.h5: two channels have the frequency", {"freqs": np.full(24, 950.0)}),
-    ("a.h5: freqs must be positive", {"freqs": -FREQS}),
     ("a.h5: all maps are zero", {"maps": np.zeros(SHAPE)}),
-    ("a.h5: a cube needs two channels", {"maps": np.full(SHAPE, np.nan)}),
     ("got unit 'K km/s'. Convert the maps, and write them with their unit", {"said": {"unit": "K km/s"}}),
     ("frame of coordinates (an attribute of a.h5) must be one of G, C, E, ICRS, FK5, FK4", {"coordsys": 3}),
     ("FK5, FK4, FK4-NO-E, GAPPT, S, H, got 'sky'", {"frame": "sky"}),
@@ -179,23 +180,20 @@ for path in ("good.fits", "good.npy"):
 # HDF5: what leads elsewhere, or nowhere.
 def elsewhere(name, values):
     Path("secret.txt").write_bytes(values.tobytes())
-    change("/", name)
-    with h5py.File("a.h5", "a") as file:
+    with without(name) as file:
         where = [("secret.txt", 0, h5py.h5f.UNLIMITED)]
         file.create_dataset(name, values.shape, values.dtype, external=where)
 
 
 def behind_a_link():
-    change("/", "maps")
-    with h5py.File("a.h5", "a") as file:
+    with without("maps") as file:
         file["maps"] = h5py.ExternalLink("good.h5", "maps")
 
 
 def virtual():
-    change("/", "maps")
     layout = h5py.VirtualLayout(SHAPE, "f4")
     layout[...] = h5py.VirtualSource("good.h5", "maps", SHAPE)
-    with h5py.File("a.h5", "a") as file:
+    with without("maps") as file:
         file.create_virtual_dataset("maps", layout)
 
 
@@ -214,8 +212,7 @@ def many_groups():
 
 
 def large_hdf5():
-    change("/", "maps")
-    with h5py.File("a.h5", "a") as file:
+    with without("maps") as file:
         file.create_dataset("maps", (24, 12 * 2**46), "f8", chunks=(1, 1024))
 
 
@@ -250,9 +247,8 @@ for name, values, message in (
 
 # FITS tables.
 def in_two_tables():
-    columns = [
-        fits.Column(f"{freq:g} MHz", "E", "mK", array=m) for freq, m in zip(FREQS, good_maps(), strict=True)
-    ]
+    pairs = zip(FREQS, good_maps(), strict=True)
+    columns = [fits.Column(f"{freq:g} MHz", "E", "mK", array=one) for freq, one in pairs]
     tables = [fits.BinTableHDU.from_columns(part) for part in (columns[:12], columns[12:])]
     fits.HDUList([fits.PrimaryHDU(), *tables]).writeto("a.fits")
 
@@ -271,10 +267,8 @@ def columns_of(form):
 
 
 def columns_of_two_lengths():
-    one, two = np.ones((3, 64), np.float32), np.ones((3, 128), np.float32)
-    write_table(
-        [fits.Column("900 MHz", "64E", "mK", array=one), fits.Column("910 MHz", "128E", "mK", array=two)]
-    )
+    parts = (("900 MHz", 64), ("910 MHz", 128))
+    write_table([fits.Column(name, f"{n}E", "mK", array=np.ones((3, n), "f4")) for name, n in parts])
 
 
 add("a.fits", "maps in 2 tables", in_two_tables)
@@ -346,7 +340,6 @@ for message, *axis in (
 for given, words, message in (
     (np.stack([images] * 4), "", "4 values along STOKES"),
     (images[None, :1], "", "needs two channels"),
-    (np.nan * images[None], "", "two channels with seen pixels"),
     (images[None], "--order RING", "an image has no order"),
     (images[None], "--unit K", "the file says mK"),
 ):
@@ -383,7 +376,6 @@ headers = [npy("<f8", f"(24, {10**15})"), npy("<f4", "(24.0, 192)"), npy("|O", "
 for header in (*headers, "(" * 2000, "__import__('os').mkdir('owned')"):
     add(NPY, "a.npy", npy_with_header, "a.npy", header)
 for array in (
-    np.zeros(SHAPE, "M8[s]"),
     np.full(SHAPE, "a"),
     np.ones(SHAPE, bool),
     np.zeros(SHAPE, [("a", "f4")]),
@@ -402,11 +394,12 @@ for numbers, message in (
     (np.zeros(0), "b.npy"),
     (np.ones((24, 3, 3)), "b.npy"),
     (np.full(24, np.inf), "b.npy"),
-    (np.full(24, -1.0), "b.npy"),
     (np.full(24, 0.028), "FWHM in degrees, between"),  # rad
     (np.full(24, 96.0), "FWHM in degrees, between"),  # arcmin
     (np.column_stack([FREQS, np.full(24, 1.6)]), "for widths give one FWHM (deg) a line"),
     (7 * np.ones((24, 12)), "1 at l = 0"),
+    (np.full((24, 12), np.nan), "finite b_l that are 1 at l = 0 and nowhere more, got nan"),
+    (np.array([{"a": 1}]), "no .npy file of plain numbers"),  # code
     (1 + 0.1 * np.arange(12) * np.ones((24, 1)), "nowhere more"),
 ):
     add("good.h5 --beam b.npy", message, save, "b.npy", numbers)
@@ -414,7 +407,6 @@ COLUMNS = "one frequency a line"
 for numbers, message in (
     (np.full(24, "a"), "f.npy"),
     (np.zeros(0, int), "f.npy"),
-    (np.full(24, np.nan), "freq"),
     (-FREQS, "freqs must be positive"),
     (FREQS[:3], "one frequency for each of the 24 channels, got 3"),
     (1e6 * FREQS, "looks like another unit"),

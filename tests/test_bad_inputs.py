@@ -20,6 +20,7 @@ from himap.cubes import cleaning
 COMMANDS = ("clean", "suggest", "sensitivity", "transfer", "measure")
 LONGEST = 5000  # characters of what is said
 SECONDS = 20
+FIXED = settings(deadline=None, derandomize=True, database=None)
 SOURCES = {  # by the part that says what the rest is: (words of the command, its length in bytes)
     "good.h5": (["good.h5"], 2400),
     "good.fits": (["good.fits"], 2880 * 4),
@@ -100,7 +101,7 @@ def test_by_hand(words, message, write, here):
     assert contents(here) == before
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, database=None)
+@settings(FIXED, max_examples=60)
 @given(st.text(max_size=300), st.sampled_from(["", "--freqs", "--mask", "--weights", "--truth", "--maps"]))
 def test_names_that_nobody_has(name, option):
     """Whatever is in them: of the cube, of other files, of datasets."""
@@ -120,9 +121,8 @@ def damage(draw, head):
             source = "nu.txt" if data.startswith(b"\x89HDF") else "good.h5"
             with open(source, "rb") as file:
                 return file.read(64 + other % 500) + data[head:]
-        more, gone = {"cut": (b"", len(data)), "zeroed": (bytes(80), 80), "put in": (some, 0)}.get(
-            kind, (some, len(some))
-        )
+        ways = {"cut": (b"", len(data)), "zeroed": (bytes(80), 80), "put in": (some, 0)}
+        more, gone = ways.get(kind, (some, len(some)))
         return data[:place] + more + data[place + gone :]
 
     return kind, damaged
@@ -139,13 +139,7 @@ def test_damaged_files(source, good, here):
     words, head = SOURCES[source]
     data = (good / source).read_bytes()
 
-    @settings(
-        max_examples=40,
-        deadline=None,
-        derandomize=True,
-        database=None,
-        suppress_health_check=[HealthCheck.too_slow],
-    )
+    @settings(FIXED, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
     @given(damage(min(head, len(data))))
     def refused_or_read(found):
         kind, damaged = found
