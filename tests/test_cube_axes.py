@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+from contextlib import nullcontext
 from dataclasses import replace
 
 import h5py
@@ -22,6 +23,7 @@ from himap.cubes.weights import read_mask
 pytestmark = pytest.mark.usefixtures("here")
 
 MHZ = 980 + 2.0 * np.arange(N_CHANNELS)
+KEPT = np.arange(N_PIX) % 3 > 0
 
 
 class TestAxes:
@@ -66,9 +68,8 @@ class TestAxes:
             found = read_truth(name, cube=of, axes="ra,dec,freq")
             assert np.array_equal(found.maps, truth.reshape(N_X, -1))
         self.write(np.zeros_like(images), axes, "f.fits", BUNIT="")
-        with pytest.raises(
-            InputError, match=r"is turned \(--axes\).*give it as .npy of the shape .n_channels, 12"
-        ):
+        message = r"is turned \(--axes\).*give it as .npy of the shape .n_channels, 12"
+        with pytest.raises(InputError, match=message):
             read_cube("turned.fits", axes="ra,dec,freq", flags="f.fits")
 
     @pytest.mark.parametrize("gain", [0, 0.05])
@@ -82,8 +83,7 @@ class TestAxes:
         assert "--axes ra,dec,freq" in " ".join(read_cube("turned.fits").remarks)
         for n, image in enumerate(images):
             image[:, : 1 + (N_CHANNELS - n) // 4] = np.nan
-        write_image("right.fits", images)
-        assert "--axes" not in " ".join(read_cube("right.fits").remarks)
+        assert "--axes" not in " ".join(read_cube(write_image("right.fits", images)).remarks)
 
     @pytest.mark.parametrize("kind", ["", "LINEAR"])
     def test_channels_without_a_type_have_the_frequencies_that_are_given(self, images, kind):
@@ -157,13 +157,11 @@ class TestOrderOfFiles:
         sorted((f"run_1.{n}" for n in range(1, 13)), key=lambda name: float(name[4:])),  # decimals or not
     )
 
-    @pytest.mark.parametrize(("names", "fit"), [*((one, 1) for one in right), *((one, 0) for one in wrong)])
-    def test_what_numbers_in_names_may_be(self, names, fit):
-        if fit:
+    @pytest.mark.parametrize("names", right + wrong)
+    def test_what_numbers_in_names_may_be(self, names):
+        refused = pytest.raises(InputError, match="rename the files")
+        with refused if names in self.wrong else nullcontext():
             check_names(names, 950 + np.arange(12.0))
-        else:
-            with pytest.raises(InputError, match="rename the files"):
-                check_names(names, 950 + np.arange(12.0))
 
     def test_what_is_left_out_is_listed(self, here):
         write_folder("folder", [f"map_{n}" for n in range(23)] + ["mean"])
@@ -213,27 +211,23 @@ class TestFormats:
         write_hdf5("a.h5")
         with open("a.h5", "r+") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            with pytest.raises(
-                InputError, match="a.h5 cannot be locked: it is open for .* HDF5_USE_FILE_LOCKING=FALSE"
-            ):
+            message = "a.h5 cannot be locked: it is open for .* HDF5_USE_FILE_LOCKING=FALSE"
+            with pytest.raises(InputError, match=message):
                 read_cube("a.h5")
         assert np.array_equal(read_cube("a.h5").maps, good_maps())
 
 
-class TestLogical:
-    kept = np.arange(N_PIX) % 3 > 0
-
-    @pytest.mark.parametrize("nest", [False, True])
-    def test_masks_and_flags(self, nest):
-        """FITS has its own order; arrays have that of the cube, here the other one."""
-        ordered = {False: self.kept, True: hp.reorder(self.kept.astype("f4"), r2n=True) > 0}
-        write_hdf5("a.h5", said={"unit": "mK", "order": "RING" if nest else "NESTED"})
-        layout = read_cube("a.h5").layout
-        hp.write_map("m.fits", ordered[nest], nest=nest, dtype=bool, column_units=None)
-        assert fits.getheader("m.fits", 1)["TFORM1"].endswith("L")
-        assert np.array_equal(read_mask("m.fits", layout)[0], self.kept)
-        for dtype in (bool, np.uint8, float):
-            np.save("m.npy", ordered[not nest].astype(dtype))
-            assert np.array_equal(read_mask("m.npy", layout)[0], self.kept)
-        hp.write_map("bad.fits", ~ordered[nest], nest=nest, dtype=bool, column_units=None)
-        assert np.array_equal(read_cube("a.h5", flags="bad.fits").mask, self.kept)
+@pytest.mark.parametrize("nest", [False, True])
+def test_logical_masks_and_flags(nest):
+    """FITS has its own order; arrays have that of the cube, here the other one."""
+    ordered = {False: KEPT, True: hp.reorder(KEPT.astype("f4"), r2n=True) > 0}
+    write_hdf5("a.h5", said={"unit": "mK", "order": "RING" if nest else "NESTED"})
+    layout = read_cube("a.h5").layout
+    hp.write_map("m.fits", ordered[nest], nest=nest, dtype=bool, column_units=None)
+    assert fits.getheader("m.fits", 1)["TFORM1"].endswith("L")
+    assert np.array_equal(read_mask("m.fits", layout)[0], KEPT)
+    for dtype in (bool, np.uint8, float):
+        np.save("m.npy", ordered[not nest].astype(dtype))
+        assert np.array_equal(read_mask("m.npy", layout)[0], KEPT)
+    hp.write_map("bad.fits", ~ordered[nest], nest=nest, dtype=bool, column_units=None)
+    assert np.array_equal(read_cube("a.h5", flags="bad.fits").mask, KEPT)

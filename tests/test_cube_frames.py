@@ -13,7 +13,7 @@ from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.cubes.files import read_truth
 from himap.cubes.spectra import check_truth
 from himap.maps import sphere
-from himap.maps.frames import frame_of
+from himap.maps.frames import equinox_of, frame_of, spectral_frame_of
 from himap.maps.healpix_io import read_maps, write_maps
 
 pytestmark = pytest.mark.usefixtures("no_pages", "here")
@@ -37,17 +37,22 @@ def write(name, maps, frame, **options):
 
 
 @pytest.mark.parametrize(
-    ("frame", "spellings"),
+    ("read", "frame", "spellings"),
     [
-        ("G", ["G", "galactic", " GAL "]),
-        ("C", ["C", "Q", "CEL", "Equatorial", "ICRS", "FK5", "J2000"]),
-        ("E", ["E", "ecliptic"]),
-        (None, [None, "", "unknown", "NONE"]),
-        ("FK4", ["fk4"]),
+        (frame_of, "G", ["G", "galactic", " GAL "]),
+        (frame_of, "C", ["C", "Q", "CEL", "Equatorial", "ICRS", "FK5", "J2000"]),
+        (frame_of, "E", ["E", "ecliptic"]),
+        (frame_of, None, [None, "", "unknown", "NONE"]),
+        (frame_of, "FK4", ["fk4"]),
+        (spectral_frame_of, "TOPOCENT", ["topocentric", "TOPO", " TOPOCENT"]),
+        (spectral_frame_of, "LSRK", ["LSRK", "lsr"]),
+        (spectral_frame_of, "GALACTOC", ["Galactocentric", "GALACTO"]),
+        (spectral_frame_of, None, [None, ""]),
+        (equinox_of, None, [None, float("nan")]),
     ],
 )
-def test_spellings(frame, spellings):
-    assert {frame_of(text) for text in spellings} == {frame}
+def test_spellings(read, frame, spellings):
+    assert {read(text) for text in spellings} == {frame}
 
 
 def test_another_equinox_is_another_frame(maps):
@@ -90,6 +95,7 @@ class TestReadAndWritten:
         cards = [("SPECSYS", "TOPOCENT"), ("TELESCOP", "MeerKAT"), ("FREQRES", 1.5)]
         cube = read_cube(write("a.fits", maps, "C", extra_header=cards))
         assert "SPECSYS = TOPOCENT" in cube.summary
+        assert cube.layout.joined("the truth", None, "topocentric").spectral_frame == "TOPOCENT"
         save_cleaned(clean_cube(cube, "pca", n_sources=1), "c.fits")
         save_cleaned(clean_cube(read_cube("c.fits"), "pca", n_sources=1), "d.h5")
         save_cleaned(clean_cube(read_cube("d.h5"), "polynomial", order=1), "e.fits")
@@ -131,9 +137,8 @@ class TestDiffer:
     def test_masks_weights_and_flags_are_rotated(self, nest, maps, latitudes, files):
         """The kept pixels are those of |b| > 20 deg, but for a pixel at the edge, of 7 deg."""
         given = np.array([hp.reorder(row, r2n=True) for row in maps]) if nest else maps
-        cube = read_cube(
-            write("n.fits", given, "C", nest=nest), weights="weights.fits", flags="flags.h5", rotate=True
-        )
+        write("n.fits", given, "C", nest=nest)
+        cube = read_cube("n.fits", weights="weights.fits", flags="flags.h5", rotate=True)
         masked, galactic = read_cube("n.fits").masked("mask.fits", rotate=True), latitudes[1]
         sure = np.abs(galactic - 20) > 6
         assert sure.mean() > 0.7 and np.array_equal(masked.mask[sure], galactic[sure] > 20)
@@ -167,9 +172,8 @@ class TestDiffer:
     def test_unknown_ones_are_said(self, cube, maps):
         """That of the cube counts for a mask that states none, and that of a mask for such a cube."""
         write("m.fits", np.ones(N_PIX), None)
-        assert "m.fits does not state its frame: assumed as that of the cube, celestial" in (
-            " ".join(read_cube(cube).masked("m.fits").remarks)
-        )
+        remarks = " ".join(read_cube(cube).masked("m.fits").remarks)
+        assert "m.fits does not state its frame: assumed as that of the cube, celestial" in remarks
         write("g.fits", np.ones(N_PIX), "G")
         masked = read_cube(write("none.fits", maps, None)).masked("g.fits")
         assert "the cube does not state its frame" in masked.remarks[0] and masked.layout.pixels.frame == "G"
@@ -226,21 +230,20 @@ def test_pixels_in_another_frame():
         assert np.array_equal(sphere.pixels_in_frame(NSIDE, one, other), hp.ang2pix(NSIDE, theta, phi))
 
 
-class TestImages:
-    @pytest.mark.parametrize(
-        ("sky", "cards", "same"),
-        [
-            *(("SIN", cards, True) for cards in ({"RADESYS": "FK5"}, {"EQUINOX": 2000.0}, {})),
-            ("CAR", {}, True),  # Galactic axes have no RADESYS
-            ("SIN", {"EQUINOX": 1950.0}, False),
-        ],
-    )
-    def test_a_mask_in_the_frame_of_the_cube_and_in_another(self, sky, cards, same, images):
-        """ICRS and J2000 are a milliarcsecond apart."""
-        cube = read_cube(write_image("a.fits", images, axes=(*SKY[sky], FREQ), RADESYS="ICRS"))
-        write_image("m.fits", np.ones_like(images[0]), axes=SKY[sky], BUNIT="", **cards)
-        if same:
-            assert cube.masked("m.fits").mask.all()
-        else:
-            with pytest.raises(InputError, match="reproject"):
-                cube.masked("m.fits")
+@pytest.mark.parametrize(
+    ("sky", "cards", "same"),
+    [
+        *(("SIN", cards, True) for cards in ({"RADESYS": "FK5"}, {"EQUINOX": 2000.0}, {})),
+        ("CAR", {}, True),  # Galactic axes have no RADESYS
+        ("SIN", {"EQUINOX": 1950.0}, False),
+    ],
+)
+def test_a_mask_of_images_in_the_frame_of_the_cube_and_in_another(sky, cards, same, images):
+    """ICRS and J2000 are a milliarcsecond apart."""
+    cube = read_cube(write_image("a.fits", images, axes=(*SKY[sky], FREQ), RADESYS="ICRS"))
+    write_image("m.fits", np.ones_like(images[0]), axes=SKY[sky], BUNIT="", **cards)
+    if same:
+        assert cube.masked("m.fits").mask.all()
+    else:
+        with pytest.raises(InputError, match="reproject"):
+            cube.masked("m.fits")
