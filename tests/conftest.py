@@ -52,10 +52,7 @@ LONGEST = [
 
 
 def pytest_collection_modifyitems(items):
-    """What takes longest comes first, so that no worker has it at the end.
-
-    The first also renders the book, before other files wait for that.
-    """
+    """What takes longest comes first; the first also renders the book, before other files wait for that."""
     place = {name: n for n, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
 
@@ -77,12 +74,12 @@ def run_python(*arguments, **variables):
 @contextmanager
 def little_room(n_bytes):
     """A limit on the size of files, in place of a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, before[1]))
+    before, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, most))
     try:
         yield
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (before, most))
 
 
 @pytest.fixture
@@ -178,23 +175,16 @@ def html(tmp_path_factory):
     """The folder of the book, rendered once for all workers from what is committed; a warning is an error."""
     several = "PYTEST_XDIST_WORKER" in os.environ
     shared = tmp_path_factory.getbasetemp().parent if several else tmp_path_factory.mktemp("shared")
-    folder = shared / "book"
+    folder, sources = shared / "book", shared / "sources"
     with FileLock(shared / "book.lock"):
         if not folder.exists():
-            sources = shared / "sources"
-            _rendered(sources).rename(folder)
+            shutil.rmtree(sources, ignore_errors=True)
+            shutil.copytree(ROOT / "notebooks", sources / "notebooks")
+            for name in ("_config.yml", "_toc.yml"):
+                shutil.copy(ROOT / name, sources)
+            render_book(sources, "-W", "--keep-going").rename(folder)
             shutil.rmtree(sources)
     return folder
-
-
-def _rendered(folder):
-    """The folder of the pages of a copy of the book's sources in `folder`, rendered there."""
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
-    for name in ("_config.yml", "_toc.yml"):
-        shutil.copy(ROOT / name, folder)
-    shutil.copytree(ROOT / "notebooks", folder / "notebooks")
-    return render_book(folder, "-W", "--keep-going")
 
 
 def render_book(folder, *options):
@@ -215,9 +205,8 @@ class Quiet(SimpleHTTPRequestHandler):
         pass
 
     def translate_path(self, path):
-        return (
-            str(FONTS / Path(path).name) if path.startswith("/test-fonts/") else super().translate_path(path)
-        )
+        font = path.startswith("/test-fonts/")
+        return str(FONTS / Path(path).name) if font else super().translate_path(path)
 
 
 @pytest.fixture(scope="session")
@@ -251,10 +240,7 @@ def tabs():
 
 @pytest.fixture
 def visit(browser, tabs, address):
-    """Shows a page; `page.complaints` are its errors, `page.elsewhere` what it asked of other hosts.
-
-    The page that was shown before with the same options is gone, and with it what that had stored.
-    """
+    """Shows a page in place of the one before; `complaints` are its errors, `elsewhere` other hosts asked."""
 
     def shown(path, viewport=SCREEN, **options):
         key = repr(options)

@@ -108,9 +108,8 @@ def test_plain_sources_are_those_of_sdecgmca(rng):
 
 
 def test_floors_add_up():
-    machine = Machine(
-        bandwidth=1e9, operations=1e10, operations_single=2e10, transform=0.01, transform_single=0.005
-    )
+    rates = {"bandwidth": 1e9, "operations": 1e10, "operations_single": 2e10}
+    machine = Machine(**rates, transform=0.01, transform_single=0.005)
     needs = Needs(transforms=10, transforms_single=20, n_bytes=3e9, operations=1e10, operations_single=1e10)
     assert needs.floor(machine) == pytest.approx(0.1 + 0.1 + 3 + 1 + 0.5)
 
@@ -147,9 +146,8 @@ def test_steps_in_processes_of_their_own(tmp_path, monkeypatch):
 
 
 def test_all_commands_of_the_paper_in_one(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        whole, "COMMANDS", {"peaks": "run 03_peak_masking -p nside=16 -p n_channels=50 -p box_cells=32"}
-    )
+    command = "run 03_peak_masking -p nside=16 -p n_channels=50 -p box_cells=32"
+    monkeypatch.setattr(whole, "COMMANDS", {"peaks": command})
     path = tmp_path / "whole.json"
     options = ["--preset", "ci", "--folder", str(tmp_path / "kept"), "-o", str(path)]
     done = CliRunner().invoke(whole.main, options, catch_exceptions=False)
@@ -192,10 +190,9 @@ def test_bad_input_ends_in_a_sentence(command, options):
 
 
 def test_ends_without_a_sentence_are_failures(tmp_path):
-    (tmp_path / "errors.txt").write_text("Traceback")
-    place = SimpleNamespace(
-        folder=tmp_path, errors=tmp_path / "errors.txt", results=dict, gone=int, left=Counter
-    )
+    errors = tmp_path / "errors.txt"
+    errors.write_text("Traceback")
+    place = SimpleNamespace(folder=tmp_path, errors=errors, results=dict, gone=int, left=Counter)
     trial = object.__new__(endurance.Trial)
     trial.counts, trial.expected = Counter(full_disks=1), {}
     endurance._count_end(trial, place, SimpleNamespace(wait=lambda: 1), "Error: ")

@@ -9,6 +9,7 @@ import pytest
 from conftest import ROOT
 from PIL import Image
 
+from himap.app.notebooks import notebooks
 from himap.app.stored import RESULTS, stored_results
 
 
@@ -40,12 +41,7 @@ SUFFIX = {".csv", ".npz"}
 
 def figures_of_notebooks():
     """{name of a figure: name of its notebook}."""
-    found = {}
-    for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb")):
-        for cell in nbformat.read(path, as_version=4).cells:
-            if name := cell.metadata.get("mystnb", {}).get("figure", {}).get("name"):
-                found[name] = path.stem
-    return found
+    return {name: one.name for one in notebooks(ROOT / "notebooks") for name in one.captions}
 
 
 def test_every_figure_offers_its_numbers_its_notebook_and_its_command(html, book):

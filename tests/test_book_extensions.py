@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 import yaml
 from conftest import ROOT, render_book
+from play import LINES, SPECTRA, content_of
+from play_data import of_notebook, of_stored, plain, view
+from play_looks import apart, methods
+from tolerances import without_tolerance
 
 from himap.app.notebook_files import Figure, figures
 
@@ -50,10 +54,14 @@ def test_what_changed_is_a_page(pages):
     assert page.count("<li>") >= (ROOT / "CHANGELOG.md").read_text().count("\n- ")
 
 
+def print_pdf(pages, target, **options):
+    command = [sys.executable, str(ROOT / "book" / "print_pdf.py"), str(pages), str(target)]
+    return subprocess.run(command, capture_output=True, text=True, **options)
+
+
 def test_the_book_prints(pages, tmp_path, browser):
     target = tmp_path / "himap.pdf"
-    command = [sys.executable, str(ROOT / "book" / "print_pdf.py"), str(pages), str(target)]
-    outcome = subprocess.run(command, capture_output=True, text=True)
+    outcome = print_pdf(pages, target)
     assert outcome.returncode == 0, outcome.stderr
     pdf = target.read_bytes()
     assert pdf.startswith(b"%PDF") and 5 < len(re.findall(rb"/Type /Page\b", pdf)) < 60
@@ -62,8 +70,7 @@ def test_the_book_prints(pages, tmp_path, browser):
 
 
 def test_no_pdf_without_chromium(pages, tmp_path):
-    command = [sys.executable, str(ROOT / "book" / "print_pdf.py"), str(pages), str(tmp_path / "himap.pdf")]
-    outcome = subprocess.run(command, capture_output=True, text=True, env={"PATH": str(tmp_path)})
+    outcome = print_pdf(pages, tmp_path / "himap.pdf", env={"PATH": str(tmp_path)})
     assert outcome.returncode == 1 and "needs Chromium" in outcome.stderr
 
 
@@ -78,8 +85,6 @@ def test_no_pdf_without_chromium(pages, tmp_path):
     ],
 )
 def test_tables_show_what_the_tolerance_is_sure_of(stored, shown):
-    from tolerances import without_tolerance
-
     cell = without_tolerance(f"<td>{stored} mK</td>")
     assert cell == f'<td><span title="{stored.replace(" ±", ", to within")}">{shown}</span> mK</td>'
     assert without_tolerance("<td>5 of 6 (3 to 4)</td>") == "<td>5 of 6 (3 to 4)</td>"
@@ -87,9 +92,6 @@ def test_tables_show_what_the_tolerance_is_sure_of(stored, shown):
 
 def curves_to_play(curves):
     """{curve: what the script gets} of one panel with ratios, of curves {label: (y, ...)} at x = 1, 2."""
-    from play_data import view
-    from play_looks import methods
-
     points = [(label, list(enumerate(ys, start=1))) for label, ys in curves.items()]
     (panel,) = view("here", {"panel": points}, methods, with_ratios=True)["panels"]
     return {one["label"]: one for one in panel["curves"]}
@@ -124,9 +126,6 @@ def test_an_ensemble_is_one_curve_with_a_spread():
 
 def test_several_points_at_one_x_are_all_kept():
     """As of restarts with their minimum at the same number of sources."""
-    from play_data import of_notebook, of_stored, view
-    from play_looks import apart
-
     csv = b"panel,curve,x,y\np,all,1,7\np,all,2,8\np,all,3,9\np,least,2,5\np,least,2,6\n"
     groups = [{"x": [1, 2, 3], "y": {"all": [7, 8, 9]}}, {"x": [2, 2], "y": {"least": [5, 6]}}]
     figure = Figure(name="f", caption="", notebook="n", png=b"", data={"csv": csv})
@@ -138,14 +137,12 @@ def test_several_points_at_one_x_are_all_kept():
 
 def test_curves_of_each_figure_to_play_with_look_different():
     """A style that a label no longer gets would make two curves look alike."""
-    from play import LINES, SPECTRA, content_of
-
     paths, playable = sorted((ROOT / "notebooks").glob("*.ipynb")), {*SPECTRA, *LINES}
     drawn = [one for path in paths for one in figures(path) if one.name in playable]
     assert {one.name for one in drawn} == playable
     for figure in drawn:
         views = content_of(ROOT, figure)["views"]
-        for label, panel in [(view["label"], panel) for view in views for panel in view["panels"]]:
+        for label, panel in [(one["label"], panel) for one in views for panel in one["panels"]]:
             curves, keys = panel["curves"], ("color", "dash", "width", "points")
             looks = [str({k: one.get(k) for k in keys}) for one in curves]
             assert len(set(looks)) == len(looks), (figure.name, label, panel["title"])
@@ -154,7 +151,5 @@ def test_curves_of_each_figure_to_play_with_look_different():
 
 
 def test_labels_are_plain():
-    from play_data import plain
-
     assert plain(r"$k_\nu$ [MHz$^{-1}$]") == "k [MHz⁻¹]"
     assert plain(r"SDecGMCA, $C_\ell$ alone") == "SDecGMCA, C(ℓ) alone"

@@ -85,10 +85,8 @@ class TestClosedForms:
         share = waves.sum(axis=1) / np.linalg.norm(cleaned.separation.mixing[:, 0]) ** 2 / 20
         assert found.frequency[2:] == pytest.approx(1 - share[2:], abs=0.01)
 
-    def test_a_projection_leaves_no_foreground_and_its_covariance_is_the_sample_variance_of_the_lost(
-        self, cleaned, rng
-    ):
-        """Corrected power differs from the true by what the lost modes have more than their share.
+    def test_the_covariance_of_a_projection_is_the_sample_variance_of_the_lost(self, cleaned, rng):
+        """It leaves no foreground: corrected power is off by what the lost modes have more than their share.
 
         Of a Gaussian this has the variance 2 n_s / ((2 l + 1) n (n - n_s)) in C_l over channels of the sum.
         """

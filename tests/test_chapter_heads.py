@@ -9,6 +9,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from chapter_heads import cost
 from conftest import ROOT
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
@@ -141,12 +142,8 @@ SIZE = 'preset: str = "laptop"  # size'
 )
 def test_the_cost_is_what_was_measured_and_what_is_asked_for(tmp_path, seconds, parameters, runs, said):
     """Of a notebook with one figure that ran for some time, and `runs` of it with stored figures."""
-    from chapter_heads import cost
-
-    cells = [
-        nbformat.v4.new_code_cell(parameters, metadata={"tags": ["parameters"]}),
-        nbformat.v4.new_code_cell("1", metadata={"mystnb": {"figure": {"name": "fig-a"}}}),
-    ]
+    about = {parameters: {"tags": ["parameters"]}, "1": {"mystnb": {"figure": {"name": "fig-a"}}}}
+    cells = [nbformat.v4.new_code_cell(text, metadata=metadata) for text, metadata in about.items()]
     execution = {} if seconds is None else {"seconds": seconds}
     node = nbformat.v4.new_notebook(cells=cells, metadata={"himap_run": {"execution": execution}})
     nbformat.write(node, tmp_path / "01_a.ipynb")

@@ -54,9 +54,8 @@ class TestCriteria:
         assert n_sources.n_significant(np.array([1e10, 1, 0.9, 0.8, 0.7])[:n]) == 1
 
     def test_changes_and_where_they_settle(self):
-        spectra = [
-            (np.full(3, p), np.full(2, q)) for p, q in ((10.0, 1.0), (2.0, 1.0), (2.0, 0.95), (1.0, 0.95))
-        ]
+        values = ((10.0, 1.0), (2.0, 1.0), (2.0, 0.95), (1.0, 0.95))
+        spectra = [(np.full(3, p), np.full(2, q)) for p, q in values]
         change = n_sources.changes(spectra)
         assert change == pytest.approx([0.8, 0.05, 0.5])
         assert n_sources.settled(change, np.array([2, 3, 4, 5])) == 3

@@ -98,9 +98,8 @@ def test_the_crate_is_complete():
         assert one["contentSize"] == str(len(data)) and one["sha256"] == hashlib.sha256(data).hexdigest()
     folders = {one["@id"] for one in graph.values() if one["@type"] == "Dataset"}
     assert folders == {"./", "himap/", "notebooks/", "book/", "tests/"}
-    expected = {
-        path.relative_to(ROOT).as_posix() for path in RECORDS if path.stem not in ("accepted", "probes")
-    }
+    results = [path for path in RECORDS if path.stem not in ("accepted", "probes")]
+    expected = {path.relative_to(ROOT).as_posix() for path in results}
     assert {one["@id"] for one in files} == expected
 
 
@@ -136,10 +135,8 @@ class TestLock:
         pins = {name.lower().replace("_", "-"): version for name, version, _ in self.PINS}
         for line in requirements("test"):
             name, low, high = re.fullmatch(r"([\w-]+)>=([\d.]+),<([\d.]+)", line).groups()
-            low, pinned, high = (
-                [int(part) for part in re.findall(r"\d+", version)[:3]]
-                for version in (low, pins[name.lower()], high)
-            )
+            versions = low, pins[name.lower()], high
+            low, pinned, high = ([int(part) for part in re.findall(r"\d+", one)[:3]] for one in versions)
             assert low <= pinned < high, line
 
     def test_made_by_the_command_that_is_written_down(self):

@@ -228,10 +228,8 @@ def test_a_main_part_does_not_hold(id, change):
 
 @pytest.mark.parametrize("id", [id for id in CLAIMS if id[0] == "V"])
 def test_each_main_part_fails_by_itself(id):
-    failing = [
-        {name for name, held in holding(found_in(id, change), main=True).items() if not held}
-        for change in FAILS[id]
-    ]
+    parts = [holding(found_in(id, change), main=True) for change in FAILS[id]]
+    failing = [{name for name, held in one.items() if not held} for one in parts]
     assert {name for one in failing if len(one) == 1 for name in one} == set(holding(found_in(id), main=True))
 
 
@@ -364,9 +362,8 @@ def test_the_peak_masking_is_judged_with_the_sigma_with_which_most_parts_hold():
     """No part holds with the sigma of the line, all hold with that of the cube, and so the main parts do."""
     world = World()
     world.clipped[CLIPPED["cube"]] = world.oscillating
-    world.clipped[CLIPPED["channel"]] = world.oscillating = nearer(
-        world.oscillating, dict.fromkeys(METHODS, 0)
-    )
+    world.oscillating = nearer(world.oscillating, dict.fromkeys(METHODS, 0))
+    world.clipped[CLIPPED["channel"]] = world.oscillating
     world.voxels["oscillating"] = {"HI": 85, "noise": 0, "foreground": 15}
     world.voxels[CLIPPED["cube"]] = {"HI": 60, "noise": 5, "foreground": 35}
     found = CLAIMS["O8"].check(world)

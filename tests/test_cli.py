@@ -83,19 +83,16 @@ def test_run_all_gives_each_notebook_the_parameters_that_it_has(himap_command, r
     (tmp_path / "notebooks" / "02_other.py").write_text(stored)
     code, out, _ = himap_command("run", "--all", "--preset", "ci", "-p", "n_sources=4", "-p", "seed=7")
     common = {"output": None, "again": False, "overwrite": False}
-    assert runs == [
-        ("01_toy", common | {"parameters": {"preset": "ci", "n_sources": 4, "seed": 7}}),
-        ("02_other", common | {"parameters": {"n_sources": 4}}),
-    ]
+    given = {"01_toy": {"preset": "ci", "n_sources": 4, "seed": 7}, "02_other": {"n_sources": 4}}
+    assert runs == [(name, common | {"parameters": one}) for name, one in given.items()]
     assert code == 0
     assert out.splitlines() == ["results/01_toy.ipynb  (done before)", "results/02_other.ipynb  (0 s)"]
     code, _, error = himap_command("run", "02_other", "--preset", "ci")
     assert code == 2 and "unknown parameter preset" in error
 
 
-def test_run_all_goes_on_where_a_notebook_stops(himap_command, monkeypatch, tmp_path):
+def test_run_all_goes_on_where_a_notebook_stops(himap_command, monkeypatch):
     """And says at the end which did; one that was named ends the command."""
-    (tmp_path / "notebooks" / "02_other.py").write_text(TOY)
 
     def run(name, **options):
         if name == "01_toy":
@@ -259,6 +256,14 @@ def test_from_the_shell(himap_command, tmp_path):
 
 
 PACKAGES = ("json", "socket", "tempfile", "numpy", "healpy", "joblib", "papermill", "ipykernel_launcher")
+WORK = """
+import numpy as np
+from himap.store.store import product
+
+@product
+def one(n):
+    return np.ones(n)
+"""
 JOBS = """
 from himap.app.cli import shared, main
 from himap.store import parallel
@@ -284,10 +289,7 @@ def test_modules_in_the_current_folder_do_not_run(himap_command, tmp_path):
     assert {*os.listdir()} == {"out.ipynb", *(f"{name}.py" for name in PACKAGES)}
     assert _python("-m", "himap", "list")[0] in (0, 2) and not (tmp_path / "mark").exists()
     (tmp_path / "modules").mkdir()
-    (tmp_path / "modules" / "trapped_work.py").write_text(
-        "import numpy as np\nfrom himap.store.store import product\n"
-        "@product\ndef one(n):\n    return np.ones(n)\n"
-    )
+    (tmp_path / "modules" / "trapped_work.py").write_text(WORK)
     more = f"import sys; sys.path.append({str(tmp_path / 'modules')!r})\n"
     assert _python("-Pc", more + JOBS)[:2] == (0, "2\n")
     assert not (tmp_path / "mark").exists()

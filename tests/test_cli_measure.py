@@ -53,8 +53,8 @@ def test_every_experiment_ends_with_a_table(name, monkeypatch):
         path for path in RESULTS.glob("*.json") if json.loads(path.read_text()).get("experiment") == name
     ]
     assert paths
+    experiment = find_experiment(name)
     for path in paths:
-        experiment = find_experiment(name)
         summary = experiment.summary(Record.load(experiment, path).rows)
         assert summary.columns.is_unique
         lines = str(measure._table(summary, "a note")).splitlines()
@@ -167,7 +167,7 @@ class TestCheckAndGrow:
         return himap_command
 
     def test_one_sky_again(self, written, seen):
-        code, out, err = written(*CLAIMS, "--check", "a.json")
+        code, out, err = written(*CLAIMS, "--check", "a.json", "-p", "plane_weight=0.1")  # its default
         assert (code, err) == (0, "") and len(seen[-1]) == 1
         assert out == f"a.json: 4 rows of one sky {THE_SAME}; 4 {NOT_COMPARED}.\n"
         record = stored("a.json")
@@ -220,10 +220,8 @@ class TestCheckAndGrow:
             ("--grow", 2, "has 1 restarts of every sky: give n_restarts=1."),
         ],
     )
-    def test_a_record_of_single_runs_is_refused_before_the_work(
-        self, himap_command, monkeypatch, option, n_restarts, message
-    ):
-        """And one more restart, where none is measured by itself."""
+    def test_a_record_of_single_runs(self, himap_command, monkeypatch, option, n_restarts, message):
+        """Is refused before the work; and one more restart, where none is measured by itself."""
         row = {"seed": 2025, "restart": 0, "quantity": "change", "x": 150.0, "value": 0.1}
         tables = iter([authors.EXPERIMENT.frame([row])])
         monkeypatch.setattr(Experiment, "table", lambda self, skies: next(tables))
@@ -256,21 +254,16 @@ class TestCheckAndGrow:
         assert written(*CLAIMS, "--check", "a.json")[::2] == (0, "")  # the order of rows is another
 
     def test_the_restarts_that_it_states_are_those_of_every_sky(self, written):
-        """Not of the few that have more, nor what was asked of a method without restarts."""
+        """Not of the few that have more, as where growing was interrupted, of which all can be checked."""
         one_sky = (*CLAIMS, "--grow", "a.json", "-p", "n_realisations=1", "-p", "n_restarts=4")
         assert written(*one_sky)[0] == 0
         assert dict(stored("a.json").about["overrides"])["n_restarts"] == 2
-        assert written(*CLAIMS, "-p", "method=beam_subspace", "-o", "b.json")[0] == 0
-        assert dict(stored("b.json").about["overrides"])["n_restarts"] == 1
-
-    def test_a_sky_that_has_more_restarts_than_others_is_checked(self, written):
-        """As where growing was interrupted: of those that are measured again."""
-        one_sky = (*CLAIMS, "--grow", "a.json", "-p", "n_realisations=1", "-p", "n_restarts=4")
-        assert written(*one_sky)[0] == 0
         for n in (2, 4):
             assert written(*CLAIMS, "--check", "a.json", "-p", f"n_restarts={n}")[::2] == (0, "")
         code, _, err = written(*CLAIMS, "--check", "a.json", "-p", "n_restarts=5")
         assert code == 2 and "give the parameters that it was made with" in err
+        assert written(*CLAIMS, "-p", "method=beam_subspace", "-o", "b.json")[0] == 0
+        assert dict(stored("b.json").about["overrides"])["n_restarts"] == 1  # that method has none
 
     @pytest.mark.parametrize("changed", ["a default", "a beam"])
     def test_what_no_parameter_says_is_refused_too(self, himap_command, monkeypatch, changed):
@@ -284,9 +277,8 @@ class TestCheckAndGrow:
         monkeypatch.setattr(Experiment, "table", table)
         Path("beam.txt").write_text("1.0\n" * PRESETS["ci"].n_channels)
         given = ("-p", "beam=beam.txt", "--preset", "ci")
-        assert himap_command("measure", "transfer", *given, "-p", "n_realisations=1", "-o", "a.json")[
-            ::2
-        ] == (0, "")
+        written = himap_command("measure", "transfer", *given, "-p", "n_realisations=1", "-o", "a.json")
+        assert written[::2] == (0, "")
         before = Path("a.json").read_text()
         if changed == "a beam":
             Path("beam.txt").write_text("1.1\n" * PRESETS["ci"].n_channels)
@@ -295,9 +287,6 @@ class TestCheckAndGrow:
         code, _, err = himap_command("measure", "transfer", "--grow", "a.json", "-p", "n_realisations=2")
         assert code == 2 and "other parameters (defaults, or files it reads)" in err
         assert Path("a.json").read_text() == before
-
-    def test_a_parameter_at_its_default_is_no_other_one(self, written):
-        assert written(*CLAIMS, "--check", "a.json", "-p", "plane_weight=0.1")[::2] == (0, "")
 
     def test_what_is_measured_stays(self, written, monkeypatch):
         table = Experiment.table

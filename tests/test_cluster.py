@@ -14,7 +14,7 @@ from himap.core.errors import InputError
 from himap.paper import cleaned
 from himap.removal.pca import PCA
 from himap.store import cache
-from himap.store.parallel import DASK_VARIABLE, check_scheduler, make_all
+from himap.store.parallel import DASK_VARIABLE, make_all
 
 distributed = pytest.importorskip("distributed")
 
@@ -107,18 +107,6 @@ def test_a_record_is_the_same_as_without(cluster, monkeypatch, himap_command, tm
         found.append(json.loads(Path(f"{label}.json").read_text()))
         assert cache.clear_cache()
     assert found[0]["rows"] == found[1]["rows"] and found[0]["columns"] == found[1]["columns"]
-
-
-def test_what_answers_is_a_scheduler_or_refused(address, monkeypatch):
-    """What another service says may be read as the length of an array."""
-    check_scheduler()
-
-    def client(address, timeout):
-        raise MemoryError("3 EiB")
-
-    monkeypatch.setattr(distributed, "Client", client)
-    with pytest.raises(InputError, match="no Dask scheduler at tcp:.* .3 EiB"):
-        check_scheduler()
 
 
 def test_workers_that_write_elsewhere(address, monkeypatch, tmp_path):

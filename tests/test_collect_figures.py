@@ -74,9 +74,8 @@ def test_numbers_are_those_of_the_notebook(gathered):
             for group in groups
             for curve, ys in group["y"].items()
         }
-        expected = {
-            (panel, one): points for panel, many in figure.curves.items() for one, points in many.items()
-        }
+        panels = figure.curves.items()
+        expected = {(panel, one): points for panel, many in panels for one, points in many.items()}
         assert found.keys() == expected.keys() and len(found) > 10
         assert all(np.allclose(found[key], points, rtol=1e-3) for key, points in expected.items())
 
@@ -95,9 +94,8 @@ def test_captions_say_the_numbers_that_they_quote(gathered, tmp_path):
 def test_curves_on_other_points_keep_their_own():
     text = b"panel,curve,x,y\np,a,1,2\np,a,2,3\np,b,1,4\np,b,2,5\np,c,7,nan\n"
     one = Figure(name="f", caption="", notebook="n", png=b"", data={"csv": text})
-    assert collect_figures.curves(one) == {
-        "p": [{"x": [1, 2], "y": {"a": [2, 3], "b": [4, 5]}}, {"x": [7], "y": {"c": [None]}}]
-    }
+    groups = [{"x": [1, 2], "y": {"a": [2, 3], "b": [4, 5]}}, {"x": [7], "y": {"c": [None]}}]
+    assert collect_figures.curves(one) == {"p": groups}
 
 
 def test_notebooks_without_such_figures_are_told(tmp_path):
@@ -107,30 +105,22 @@ def test_notebooks_without_such_figures_are_told(tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-WHOLE = "Pearson r, for six methods (the paper's Fig. A.1). Left: all."
+WHOLE = "Pearson r, of six (the paper's Fig. A.1). {glue:text}`n` of them ([readings](a)). Grey: 10 %."
 SHARE = "Angular power spectrum. (PCA's share of the paper's Fig. 1.)"
-
-
-def test_a_whole_caption_has_no_roles():
-    caption = "One (the paper's Fig. 2). {glue:text}`n` of them ([readings](a)). Grey: 10 %."
-    assert (plain_caption(caption), plain_caption(caption, whole=True)) == ("One", "One. Grey: 10 %")
+EQUATION = "The paper's Eq. 3 and Fig. 1 on a map"
 
 
 @pytest.mark.parametrize(
     ("caption", "paper", "named", "plain"),
     [
-        (WHOLE, "A.1", ["A.1"], "Pearson r, for six methods"),
+        (WHOLE, "A.1", ["A.1"], "Pearson r, of six"),
         (SHARE, "", ["1"], "Angular power spectrum"),
         ("A map.", "", [], "A map"),
-        (
-            "The paper's Eq. 3 and Fig. 1 on a map. Grey: 10 %.",
-            "",
-            [],
-            "The paper's Eq. 3 and Fig. 1 on a map",
-        ),
+        (f"{EQUATION}. Grey: 10 %.", "", [], EQUATION),
     ],
 )
 def test_captions_say_which_figure_of_the_paper_they_show(caption, paper, named, plain):
     assert Figure(name="f", caption=caption, notebook="n", png=b"").paper == paper
     assert (named_figures(caption), plain_caption(caption)) == (named, plain)
+    assert plain_caption(WHOLE, whole=True) == "Pearson r, of six. Grey: 10 %"
     assert sorted(["B.1", "7", "A.2", "1", "A.1"], key=figure_order) == ["1", "7", "A.1", "A.2", "B.1"]

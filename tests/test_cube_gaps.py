@@ -14,6 +14,7 @@ from himap.paper.patch import PatchPower
 from himap.removal.covariance import channel_covariance
 from himap.removal.data import Data
 from himap.removal.pca import PCA
+from himap.removal.polynomial import Polynomial
 from himap.removal.weighted_pca import seen_covariance
 
 SHAPE = (len(FREQS), N_PIX)
@@ -54,26 +55,20 @@ def mock_of(cube, rng):
 
 
 class TestTransfer:
-    @pytest.mark.parametrize(
-        ("method", "parameters"), [("pca", {"n_sources": 2}), ("polynomial", {"order": 4})]
-    )
+    @pytest.mark.parametrize("method", [PCA(n_sources=2), Polynomial(order=4)])
     @pytest.mark.parametrize("share", [1, 0.6])
-    def test_is_that_of_two_cubes_that_are_cleaned(self, cube, rng, method, parameters, share):
+    def test_is_that_of_two_cubes_that_are_cleaned(self, cube, rng, method, share):
         """Of the foreground with a mock in place of the rest, all 0 in the gaps; of a part of it too."""
         cube = cube.within(np.arange(N_PIX) < share * N_PIX)
-        cleaned = clean_cube(cube, method, peaks=False, **parameters)
+        cleaned = clean_cube(cube, method, peaks=False)
         mocks = [mock_of(cube, rng) for _ in range(2)]
         found = measure_transfer(cleaned, mocks)
-        power = PatchPower(
-            weights=cube.mask.astype(float),
-            seen=cube.on_sphere(~cube.missing),
-            channel_width=cube.channel_width,
-            bin_width=1,
-        )
+        seen, bins = cube.on_sphere(~cube.missing), {"channel_width": cube.channel_width, "bin_width": 1}
+        power = PatchPower(weights=cube.mask.astype(float), seen=seen, **bins)
         put_in, returned = [], []
         for mock in mocks:
             member = replace(cube, maps=cleaned.foreground + mock)
-            both = clean_cube(member, method, peaks=False, **parameters)
+            both = clean_cube(member, method, peaks=False)
             returned.append(cube.on_sphere(both.residual.astype(float)))
             means = [np.average(one, weights=w) for one, w in zip(mock, cube.weights, strict=True)]
             put_in.append(cube.on_sphere(mock - np.array(means)[:, None]))
@@ -84,11 +79,9 @@ class TestTransfer:
 
     @FEWER
     @pytest.mark.parametrize("peaks", [False, True])
-    @pytest.mark.parametrize(
-        ("method", "parameters"), [("pca", {"n_sources": 2}), ("polynomial", {"order": 3})]
-    )
-    def test_a_mock_counts_nothing_in_a_gap(self, cube, rng, method, parameters, peaks):
-        cleaned = clean_cube(cube, method, peaks=peaks, **parameters)
+    @pytest.mark.parametrize("method", [PCA(n_sources=2), Polynomial(order=3)])
+    def test_a_mock_counts_nothing_in_a_gap(self, cube, rng, method, peaks):
+        cleaned = clean_cube(cube, method, peaks=peaks)
         mock = mock_of(cube, rng)
         disturbed = np.where(cube.missing, np.float32(1e6), mock)
         beams = np.ones((len(cube.freqs), 3 * cube.nside))
@@ -116,10 +109,9 @@ class TestSuggestion:
     @pytest.mark.parametrize("n_components", [2, 4])
     def test_all_views_find_the_number(self, n_components, gaps, noise, hits, flags, rng, tmp_path):
         """Through gaps as well, and then without noise too."""
-        smooth = np.linalg.qr((FREQS / 1000)[:, None] ** -np.arange(1.0, n_components + 1))[0]
-        maps = smooth @ (1e3 * rng.standard_normal((n_components, N_PIX))) + noise * rng.standard_normal(
-            SHAPE
-        )
+        spectra = np.linalg.qr((FREQS / 1000)[:, None] ** -np.arange(1.0, n_components + 1))[0]
+        maps = spectra @ (1e3 * rng.standard_normal((n_components, N_PIX)))
+        maps += noise * rng.standard_normal(SHAPE)
         np.save(tmp_path / "a.npy", np.where(flags & gaps, 1e5, maps))
         given = {"freqs": FREQS, "unit": "mK", "order": "RING"}
         given |= {"weights": hits, "flags": flags} if gaps else {}
@@ -136,10 +128,9 @@ class TestSuggestion:
 
     def test_weights_that_hardly_differ_are_none(self, rng, tmp_path):
         path = write_hdf5(tmp_path / "a.h5", power_law_maps(rng))
-        plain, *weighted = (
-            suggestion.suggest(read_cube(path, weights=weights), n_sources=range(1, 5), peaks=False)
-            for weights in (np.ones(N_PIX), *(1 + 1e-7 * rng.random(one) for one in (N_PIX, SHAPE)))
-        )
+        alike = np.ones(N_PIX), 1 + 1e-7 * rng.random(N_PIX), 1 + 1e-7 * rng.random(SHAPE)
+        cubes = (read_cube(path, weights=weights) for weights in alike)
+        plain, *weighted = (suggestion.suggest(one, n_sources=range(1, 5), peaks=False) for one in cubes)
         assert not plain.weighted
         for found in weighted:
             assert found.weighted and found.range == plain.range
@@ -168,8 +159,8 @@ class TestSuggestion:
     def test_information_is_of_weighted_variances(self, cube):
         """As `numpy.cov` has them, of the cube cleaned with each number."""
         found = suggestion.suggest(cube, n_sources=range(1, 4), peaks=False)
-        left = [clean_cube(cube, "pca", n_sources=n, peaks=False).residual for n in (1, 2, 3)]
-        each = [zip(one.astype(float), cube.weights, strict=True) for one in left]
+        left = (clean_cube(cube, "pca", n_sources=n, peaks=False).residual.astype(float) for n in (1, 2, 3))
+        each = [zip(one, cube.weights, strict=True) for one in left]
         variances = np.array([[np.cov(row, aweights=w, ddof=0) for row, w in rows] for rows in each])
         n_seen, n_pix = np.count_nonzero(~cube.missing, axis=1), cube.maps.shape[1]
         expected = n_sources.information(variances, np.array([1, 2, 3]), n_pix, n_seen=n_seen)
@@ -200,10 +191,8 @@ class TestSuggestion:
 def test_rms_on_the_page_is_of_what_is_seen(cube, tmp_path):
     cleaned = clean_cube(cube, "pca", n_sources=2)
     kept = ~cube.missing
-    rms = [
-        np.sqrt(np.mean([row[some].var() for row, some in zip(maps, kept, strict=True)]))
-        for maps in (cube.maps.astype(float), cleaned.residual.astype(float))
-    ]
+    pairs = [zip(maps.astype(float), kept, strict=True) for maps in (cube.maps, cleaned.residual)]
+    rms = [np.sqrt(np.mean([row[some].var() for row, some in rows])) for rows in pairs]
     write_report(cleaned, tmp_path / "a.html")
     page = (tmp_path / "a.html").read_text()
     assert "<h2>Spectra</h2>" in page and all(f">{value:.4g} mK<" in page for value in rms)

@@ -58,9 +58,8 @@ class TestReading:
         assert np.array_equal(cube.maps, np.where(weights > 0, maps[kept][:, hits > 0], 0))
         assert np.array_equal(cube.missing, weights == 0)
         one, some, missing, *_ = cube.remarks
-        assert (
-            one.startswith("1 of 24 channels have no data") and "(80.0% of the sky) are seen in some" in some
-        )
+        assert one.startswith("1 of 24 channels have no data")
+        assert "(80.0% of the sky) are seen in some" in some
         assert missing.startswith(f"{np.mean(weights == 0):.2%} of the voxels")
         masked = cube.within(np.arange(N_PIX) % 3 > 0)
         assert np.array_equal(masked.mask, cube.mask & (np.arange(N_PIX) % 3 > 0))
@@ -68,23 +67,19 @@ class TestReading:
 
     @pytest.mark.parametrize("kind", ["npy", "npy turned", "ring.fits", "nested.fits", "h5", "own.h5"])
     def test_all_formats_say_the_same(self, kind, hits, flags):
-        weights, bad = np.where(flags, 0, hits) + 0.5 * (hits > 0), flags.copy()
-        expected = read_cube("cube.h5", weights=weights, flags=flags)
-        names = f"w.{kind}", f"f.{kind}"
-        if kind.startswith("npy"):
-            names = "w.npy", "f.npy"
-            for name, rows in zip(names, (weights, bad), strict=True):
+        given = {"weights": np.where(flags, 0, hits) + 0.5 * (hits > 0), "flags": flags}
+        expected, files = read_cube("cube.h5", **given), {}
+        for word, rows in given.items():
+            files[word] = name = "cube.h5" if kind == "own.h5" else f"{word}.{kind.partition(' ')[0]}"
+            if name.endswith("npy"):
                 np.save(name, rows.T if "turned" in kind else rows)
-        elif kind.endswith("fits"):
-            for name, rows in zip(names, (weights, bad.astype(float)), strict=True):
-                rows = nested(rows) if "nested" in kind else rows
-                write_fits(name, rows, nest="nested" in kind)
-        else:
-            names = ("cube.h5", "cube.h5") if kind == "own.h5" else names
-            for name, word, rows in zip(names, ("weights", "flags"), (weights, bad), strict=True):
+            elif name.endswith("fits"):
+                nest = "nested" in kind
+                write_fits(name, nested(rows.astype(float)) if nest else rows.astype(float), nest=nest)
+            else:
                 with h5py.File(name, "a") as file:
                     file[f"beside/{word}"] = rows
-        cube = read_cube("cube.h5", weights=names[0], flags=names[1])
+        cube = read_cube("cube.h5", **files)
         assert np.array_equal(cube.weights, expected.weights) and np.array_equal(cube.maps, expected.maps)
         assert np.array_equal(cube.mask, expected.mask)
 
@@ -176,8 +171,7 @@ class TestCleaning:
         """The truth is 0 where the cube is missing, and so is a mock; its means have no power in the gaps."""
         true = 5 + rng.standard_normal(SHAPE).astype(np.float32)
         write_hdf5("truth.h5", true)
-        write_hdf5("both.h5", maps + true)
-        cube = read_cube("both.h5", weights=hits, flags=flags)
+        cube = read_cube(write_hdf5("both.h5", maps + true), weights=hits, flags=flags)
         cleaned = clean_cube(cube, "pca", n_sources=2)
         found = compared(cleaned, read_truth("truth.h5", cube=cube))
         kept = np.arange(24) != 7
