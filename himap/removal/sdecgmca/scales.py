@@ -42,11 +42,10 @@ class Scales:
         ones lose less.
         """
         sources, coefficients = [], []
-        for n, (alm, level) in enumerate(self._with_levels(mixture, inverses)):
-            *scales, smooth = self._decompose(alm)
-            for j, scale in enumerate(scales):
+        for n, (*scales, smooth, cuts) in enumerate(self._with_cuts(mixture, inverses)):
+            for j, (scale, cut) in enumerate(zip(scales, cuts, strict=True)):
                 last = scale if memory is None else memory[n][j]
-                shrink(scale, self._cut(scale, level, j), share, self.least_kept, last, memory is not None)
+                shrink(scale, cut, share, self.least_kept, last, memory is not None)
             coefficients.append(np.array(scales))
             field = coefficients[-1].sum(axis=0) + smooth
             if self.nside is None:
@@ -62,19 +61,19 @@ class Scales:
         `kept` are those sources, real modes; the thresholds are of the sources that `inverses` make.
         """
         total = 0.0
-        pairs = zip(self._with_levels(mixture, inverses), harmonic.from_modes(kept), strict=True)
-        for (alm, level), alm_kept in pairs:
-            *scales, _ = zip(self._decompose(alm), self._decompose(alm_kept), strict=True)
-            for j, (scale, scale_kept) in enumerate(scales):
-                total += self._cut(scale, level, j) * np.abs(scale_kept).mean()
+        pairs = zip(self._with_cuts(mixture, inverses), harmonic.from_modes(kept), strict=True)
+        for (*_, cuts), alm in pairs:
+            for scale, cut in zip(self._decompose(alm), cuts, strict=False):
+                total += cut * np.abs(scale).mean()
         return 4 * np.pi * total
 
-    def _with_levels(self, mixture, inverses):
-        """Pairs of each source and its noise by scale, or None where that follows from the scale itself."""
-        alms = harmonic.from_modes(mixture.sources(inverses))
-        if not self.analytic:
-            return [(alm, None) for alm in alms]
-        return list(zip(alms, noise_of_scales(self.bands, mixture.source_noise(inverses)).T, strict=True))
+    def _with_cuts(self, mixture, inverses):
+        """Of each source the detail scales, the smooth one, and k times the noise of each detail scale."""
+        known = noise_of_scales(self.bands, mixture.source_noise(inverses)).T if self.analytic else None
+        for n, alm in enumerate(harmonic.from_modes(mixture.sources(inverses))):
+            scales = list(self._decompose(alm))
+            noise = map(deviation, scales[:-1]) if known is None else known[n]
+            yield *scales, [self.n_sigma * level for level in noise]
 
     def _decompose(self, alm):
         """Detail scales of a source, fine to coarse, and its smooth scale, each (n_pix,)."""
@@ -90,10 +89,6 @@ class Scales:
             return sphere.synthesise_grid(alm, self.lmax)
         return sphere.synthesise(alm, self.nside)
 
-    def _cut(self, scale, level, j):
-        """k times the noise of detail scale `j`."""
-        return self.n_sigma * (deviation(scale) if level is None else level[j])
-
 
 def low_passes(n_scales, lmax, kind):
     """Low passes of the starlet scales, fine to coarse, (n_scales, lmax + 1).
@@ -102,12 +97,9 @@ def low_passes(n_scales, lmax, kind):
     with b the cubic B-spline. "ratio" are phi_j / phi_(j - 1), which the transform applies to the last smooth
     map and C21's code to the map itself, so that its scales are wider.
     """
+    passes, degrees = starlet_low_passes(n_scales, lmax), np.arange(lmax + 1)
     if kind == "cascade":
-        return starlet_low_passes(n_scales, lmax)
-    degrees = np.arange(lmax + 1)
-    filters = np.empty((n_scales, lmax + 1))
-    for scale, low_pass in zip(2 ** np.arange(n_scales), filters, strict=True):
-        smooth, last = (1.5 * cubic_b_spline(factor * scale * degrees / lmax) for factor in (4, 2))
-        low_pass[:] = smooth / (last + 1e-6)
-        low_pass[lmax // (2 * scale) :] = 0
-    return filters
+        return passes
+    before = np.vstack([1.5 * cubic_b_spline(2 * degrees / lmax), passes[:-1]])
+    ends = lmax // 2 ** np.arange(1, n_scales + 1)[:, None]
+    return np.where(degrees < ends, passes / (before + 1e-6), 0)
