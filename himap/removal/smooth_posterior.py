@@ -112,7 +112,16 @@ class SmoothForeground:
             drawn = np.atleast_2d(wishart(n, one / n).rvs(random_state=rng))
             totals.append(root @ drawn @ root.T)
         axes = _axes(self.roots, totals, self.n_modes, self.n_exact)
-        return _drawn(replace(self, axes=axes)._filter(data), data, rng)
+        linear = replace(self, axes=axes)._filter(data)
+        spaces, mixing = np.linalg.qr(linear.spectra)
+        sources, beyond = estimated(mixing @ linear.estimators, data.project, data.modes)
+        pairs = list(zip(spaces, mixing, linear.uncertain, harmonic.blocks(sources), strict=True))
+        for space, mixed, uncertain, out in pairs[1:]:  # means are subtracted
+            # Of draws in channels: the axes of the space, and so draws along them, have a sign by chance.
+            drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
+            out += _root(mixed @ uncertain @ mixed.T) @ drawn
+        low_rank = on_sky(combined(sources, spaces, FINE), sphere.nside_of(beyond))
+        return _of_filter(linear, low_rank + LowRankCube(spectra=spaces[-1], maps=beyond), data)
 
     def _filter(self, data):
         """The Wiener filter that makes the mean of the foreground given the data, a `SpectralFilter`."""
@@ -152,10 +161,7 @@ class SmoothForeground:
     def mean(self, data):
         """The mean of the foreground given the data, and the filter that makes it, a `FilteredSeparation`."""
         linear = self._filter(data)
-        mean = filtered(linear.spectra, linear.estimators, data.project, data.modes)
-        return FilteredSeparation(
-            mixing=mean.spectra, sources=mean.maps, low_rank=mean, filter=linear, means=data.means
-        )
+        return _of_filter(linear, filtered(linear.spectra, linear.estimators, data.project, data.modes), data)
 
 
 def foreground_given(data, products, n_mocks=1):
@@ -179,21 +185,19 @@ def foreground_given(data, products, n_mocks=1):
         raise InputError(f"{wanted}, so more channels than these, got {len(freqs)}: take more channels.")
     seen, modes = smooth_seen(data, N_SMOOTH), data.modes
     edges = multipole_bands(len(seen) - 1)
-    scaled = [_scaled(modes, *one, seen) for one in zip(edges, products, strict=True)]
-    faint = np.array([faint_covariance(product, freqs, 0) for product in scaled])
-    pairs = zip(faint, scaled, strict=True)
+    pairs = zip(progress(edges, "foreground"), products, strict=True)
     try:
-        bands = [_amplitudes(modes, band, seen, *next(pairs)) for band in progress(edges, "foreground")]
+        bands = [_amplitudes(modes, band, seen, freqs, product) for band, product in pairs]
     except np.linalg.LinAlgError:
         raise InputError(
             f"{wanted}, and over {freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels these cannot be "
             "separated from HI: take a wider band."
         ) from None
-    roots, totals, n_modes = zip(*bands, strict=True)
+    faint, roots, totals, n_modes = zip(*bands, strict=True)
     n_exact = max(1, sum(last <= 2 * sphere.nside_of(data.maps) for _, last in edges))
     axes = _axes(roots, totals, n_modes, n_exact)
     return SmoothForeground(
-        faint=faint,
+        faint=np.array(faint),
         roots=np.array(roots),
         axes=axes,
         n_modes=n_modes,
@@ -203,34 +207,30 @@ def foreground_given(data, products, n_mocks=1):
     )
 
 
-def _scaled(modes, band, product, seen):
-    """The product of one band with the power that the data have in spectra that are not smooth.
+def _amplitudes(modes, band, seen, freqs, product):
+    """One band: C, R as in `SmoothForeground`, the covariance R^-1 D R^-T of all amplitudes, and n_modes.
 
-    So the mocks say how the power of HI depends on k, but not how much there is.
+    The product of the mocks is scaled to the power that the data have in spectra that are not smooth: it says
+    how the power of HI depends on k, but not how much there is. Amplitudes follow by least squares weighted
+    with C^-1, what is HI and noise in them from that product. Without foreground the covariance is near 1.
     """
-    power, expected = 0, 0
-    for degree in range(max(band[0], 1), band[1] + 1):
-        data, smooth = np.array(modes.at(degree)), np.linalg.qr(seen[degree])[0]
+    degrees = range(max(band[0], 1), band[1] + 1)
+    blocks = [(np.array(modes.at(degree)), seen[degree]) for degree in degrees]
+    power, expected, noise, total, n_modes = 0, 0, 0, 0, 0
+    for data, spectra in blocks:
+        smooth = np.linalg.qr(spectra)[0]
         power += np.sum((data - smooth @ (smooth.T @ data)) ** 2)
         expected += data.shape[1] * (np.trace(product) - np.sum(smooth * (product @ smooth)))
-    return product * (power / expected)
-
-
-def _amplitudes(modes, band, seen, faint, product):
-    """One band: R as in `SmoothForeground`, the covariance R^-1 D R^-T of all amplitudes, and n_modes.
-
-    Without foreground it is 1, but for chance. Amplitudes follow by least squares weighted with the inverse
-    of `faint`; what is HI and noise in them follows from `product`.
-    """
-    noise, total, n_modes = 0, 0, 0
-    for degree in range(max(band[0], 1), band[1] + 1):
-        data, weighted = np.array(modes.at(degree)), np.linalg.solve(faint, seen[degree])
-        estimator = np.linalg.solve(seen[degree].T @ weighted, weighted.T)
+    product = product * (power / expected)
+    faint = faint_covariance(product, freqs, 0)
+    for data, spectra in blocks:
+        weighted = np.linalg.solve(faint, spectra)
+        estimator = np.linalg.solve(spectra.T @ weighted, weighted.T)
         amplitudes = estimator @ data
         noise = noise + data.shape[1] * (estimator @ product @ estimator.T)
         total, n_modes = total + amplitudes @ amplitudes.T, n_modes + data.shape[1]
     root = np.linalg.cholesky(noise / n_modes)
-    return root, np.linalg.solve(root, np.linalg.solve(root, total / n_modes).T), n_modes
+    return faint, root, np.linalg.solve(root, np.linalg.solve(root, total / n_modes).T), n_modes
 
 
 def _axes(roots, totals, n_modes, n_exact):
@@ -284,17 +284,8 @@ def _root(covariance):
     return (turn * np.sqrt(np.maximum(values, 0))) @ turn.T
 
 
-def _drawn(linear, data, rng):
-    """A `FilteredSeparation` with a foreground from the posterior of a `SpectralFilter` given the data."""
-    spaces, mixing = np.linalg.qr(linear.spectra)
-    sources, beyond = estimated(mixing @ linear.estimators, data.project, data.modes)
-    pairs = list(zip(spaces, mixing, linear.uncertain, harmonic.blocks(sources), strict=True))
-    for space, mixed, uncertain, out in pairs[1:]:  # means are subtracted
-        # Of draws in channels: the axes of the space, and so draws along them, have a sign by chance.
-        drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
-        out += _root(mixed @ uncertain @ mixed.T) @ drawn
-    low_rank = on_sky(combined(sources, spaces, FINE), sphere.nside_of(beyond))
-    low_rank += LowRankCube(spectra=spaces[-1], maps=beyond)
+def _of_filter(linear, low_rank, data):
+    """The `FilteredSeparation` of a foreground, a `LowRankCube`, that a `SpectralFilter` makes."""
     return FilteredSeparation(
         mixing=low_rank.spectra, sources=low_rank.maps, low_rank=low_rank, filter=linear, means=data.means
     )
