@@ -133,7 +133,8 @@ def _settled(data, seen, freqs, rounding, n_sources, share):
         axes = _foreground_axes(data, seen, faint, n_sources, share)
         products = 0  # of HI and noise given the data
         spectra = seen @ axes
-        for one, estimator, block in zip(spectra, wiener_estimators(spectra, faint), data, strict=True):
+        estimators = wiener_estimators(spectra, faint)
+        for one, estimator, block in zip(spectra, estimators, data, strict=True):
             rest = block - one @ (estimator @ block)
             products = products + rest @ rest.T + block.shape[1] * (one @ (estimator @ faint))
         # Never more than in the last turn: one that is faint could come and go for ever.
@@ -142,10 +143,8 @@ def _settled(data, seen, freqs, rounding, n_sources, share):
         converged = bool(np.linalg.norm(faint - before) <= _SETTLED * np.linalg.norm(before))
     values = np.linalg.eigvalsh(before)
     converged &= bool(values[-1] < _STEEPEST * np.median(values))
-    axes = _foreground_axes(data, seen, before, n_sources, share)
-    estimators = wiener_estimators(seen @ axes, before)
     amplitudes = [axes @ (one @ block) for one, block in zip(estimators, data, strict=True)]
-    return seen @ axes, before, np.hstack(amplitudes), converged, n_turns
+    return spectra, before, np.hstack(amplitudes), converged, n_turns
 
 
 def _foreground_axes(data, seen, faint, n_sources, share):
