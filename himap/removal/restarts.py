@@ -116,11 +116,10 @@ class Ensemble:
     @cached_property
     def values(self):
         """Of each member its `_values`, and the distance from the medoid over the rms of its residual."""
-        values, variance = [], _variance(self.medoid.data)
+        values = []
         rms = np.sqrt(np.mean(np.square(self.medoid.residual, dtype=np.float64)))
         for k, distance in enumerate(self.distances[self.medoid_index]):
-            foreground = self.members[k].separation.foreground
-            one = _values(self.medoid.residual, foreground, variance, self.change(k))
+            one = _values(self.medoid, self.members[k].separation.foreground, self.change(k))
             values.append(one | {"distance": float(distance / rms)})
         return values
 
@@ -150,8 +149,7 @@ def remarks_on_one(cleaning):
     """What the user should know of one run, a list of sentences; empty for methods without restarts."""
     if not has_restarts(cleaning.method):
         return []
-    foreground, variance = cleaning.separation.foreground, _variance(cleaning.data)
-    flags = flags_of(_values(cleaning.residual, foreground, variance))
+    flags = flags_of(_values(cleaning, cleaning.separation.foreground))
     why, name = ", ".join(FLAGS[flag][1] for flag in flags), cleaning.method.name
     one = f"{name} is chaotic, so that one run is one draw: compare several, with --restarts 8 or restarts=8."
     return [one, f"This one looks failed: {why}. {_WAY_OUT}"] if flags else [one]
@@ -162,14 +160,10 @@ def flags_of(values):
     return [name for name, value in values.items() if value > FLAGS[name][0]]
 
 
-def _variance(data):
-    """Of `Data`, in the mean over channels, mK^2."""
-    return np.mean([channel.var(dtype=np.float64) for channel in data.maps])
-
-
-def _values(residual, foreground, variance, change=None):
-    """{flag: value} of a residual, with a change: `contrast`, and its share of the variance of the data."""
-    powers = line_powers(residual, foreground, change)
+def _values(cleaning, foreground, change=None):
+    """{flag: value} of the residual of a `Cleaning`, with a change: `contrast`, and its share of the data."""
+    powers, data = line_powers(cleaning.residual, foreground, change), cleaning.data
+    variance = data.get_or_compute("variance", lambda: np.mean([row.var(dtype=float) for row in data.maps]))
     remaining = powers[1].mean() / variance if variance > 0 else 0.0
     return {"contrast": float(contrast(*powers)), "remaining": float(remaining)}
 
