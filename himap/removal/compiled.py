@@ -58,12 +58,8 @@ def median(values):
     upper = ranked(values, n // 2)
     if n % 2:
         return upper
-    below, lower = 0, upper  # the one before it: the largest below, unless there is another of the same
-    for value in values:
-        if value < upper:
-            lower = max(lower, value) if below else value
-            below += 1
-    return 0.5 * ((lower if below == n // 2 else upper) + upper)
+    below = values[values < upper]  # the number before it is of these, unless there is another of the same
+    return 0.5 * (below.max() + upper) if len(below) == n // 2 else upper
 
 
 @njit(cache=True)
