@@ -160,11 +160,9 @@ def _deviation_of_sky(maps, basis, spread, weights):
     """Deviation from the fits of each channel, (n_channels, 1), or of the cube; None of a line of sight."""
     if spread not in SPREADS:
         raise InputError(f"spread must be one of {', '.join(SPREADS)}, got {spread!r}.")
-    if spread == "line":
-        return None
-    if weights is not None:
+    if weights is not None and spread != "line":
         raise InputError(f"where voxels have weights the spread is that of the line, got {spread!r}.")
-    if spread == "mad":
+    if spread in ("line", "mad"):
         return None
     squares = np.zeros((len(maps), 1))
     for block in blocks(maps.shape[1]):
