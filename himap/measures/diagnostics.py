@@ -26,11 +26,12 @@ FAILING = 0.1
 """To *fail* is to be off by more than this in the mean |C/C0 - 1| for 10 < l < 200, or up to 2 nside."""
 
 MSE_DEFINITIONS = {
-    "relative": "mean of (S / S_true - 1)^2",
-    "logarithmic": "mean of (ln S / S_true)^2",
-    "absolute": "sum of (S - S_true)^2 over sum of S_true^2",
+    "relative": lambda over, true: np.mean((over - 1) ** 2),
+    "logarithmic": lambda over, true: np.mean(np.log(over) ** 2),
+    "absolute": lambda over, true: np.average((over - 1) ** 2, weights=np.square(true, dtype=float)),
 }
-"""Readings of the mean squared error between two spectra S, which the paper does not define."""
+"""{reading of the mean squared error of a spectrum S, which the paper does not define: function of S / S_true
+and S_true}; "absolute" is the sum of (S - S_true)^2 over that of S_true^2."""
 
 
 def ratio(recovered, true):
@@ -117,11 +118,7 @@ def mean_squared_error(recovered, true, definition="relative"):
     over = ratio(recovered, true)
     if not np.isfinite(over).all() or (definition == "logarithmic" and over.min() <= 0):
         return np.inf
-    if definition == "relative":
-        return float(np.mean((over - 1) ** 2))
-    if definition == "logarithmic":
-        return float(np.mean(np.log(over) ** 2))
-    return float(np.average((over - 1) ** 2, weights=np.square(true, dtype=float)))
+    return float(MSE_DEFINITIONS[definition](over, true))
 
 
 def flagged_lines(errors):
