@@ -149,7 +149,7 @@ TABLE = [
     (named, "text", 3, "a beam is a name or the path of a file, got 3"),
     (named, "text", "meerkat:band=L,Band=UHF", "given twice"),
     (a_table, "path", "/dev/null", "the table /dev/null must be a file that is on"),
-    (FromFile, "path", "nowhere.txt", "there is no file nowhere.txt"),
+    (FromFile, "path", "nowhere.txt", "there is no file of widths or b_l of a beam 'nowhere.txt'"),
     (windows("oscillating"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz"),
     (windows("rippled"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz.*oscillating:ripple=additive"),
     (windows("evolving"), "freqs", 1000.0, "one MHz value per channel"),

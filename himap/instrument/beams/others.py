@@ -35,10 +35,7 @@ class FromFile(Beam):
     path: str = parameter(help="path of a file with one line for each channel: FWHM (deg), or b_l")
 
     def __post_init__(self):
-        if not isinstance(self.path, str | Path) or not is_file(self.path):
-            raise InputError(f"the beam must be in a file of widths or b_l; there is no file {self.path}.")
-        regular_file(self.path, "beam")
-        object.__setattr__(self, "path", str(self.path))
+        object.__setattr__(self, "path", str(regular_file(self.path, "file of widths or b_l of a beam")))
 
     def __str__(self):
         return self.path
