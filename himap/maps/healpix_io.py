@@ -246,9 +246,7 @@ def write_maps(path, maps, *, names, unit, nested, partial=False, frame=None, ca
 
 def to_ring(pixels):
     """A map in RING order of one in NESTED order, (n_pix,)."""
-    out = np.empty_like(pixels)
-    out[sphere.nest_to_ring(sphere.nside_of(pixels))] = pixels
-    return out
+    return pixels[hp.ring2nest(sphere.nside_of(pixels), np.arange(len(pixels)))]
 
 
 def temperature_unit(text, name="unit", where="as healpy.write_map(..., column_units='K_RJ') does"):

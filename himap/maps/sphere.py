@@ -231,8 +231,7 @@ def synthesise_grid(alm, grid_lmax=None):
 def analyse_grid(fields, lmax):
     """Coefficients of a field on the grid of `synthesise_grid`; exact if the field goes to `lmax` only."""
     rings, area = _grid(lmax)
-    alms = [_adjoint_synthesis(row * area, lmax, rings) for row in fields.reshape(-1, len(area))]
-    return np.array(alms).reshape(*fields.shape[:-1], -1)
+    return np.apply_along_axis(lambda field: _adjoint_synthesis(field * area, lmax, rings), -1, fields)
 
 
 def gaussian_beam(fwhm, lmax):
@@ -266,9 +265,7 @@ def synthesise_cube(alms, nside, *, n_channels, label, floats=np.float32):
 
 def power_spectrum(alms):
     """C_l of coefficients, (..., n_alm) to (..., lmax + 1) float64."""
-    alms = np.asarray(alms)
-    cl = [hp.alm2cl(alm.astype(complex)) for alm in alms.reshape(-1, alms.shape[-1])]
-    return np.reshape(cl, (*alms.shape[:-1], -1))
+    return np.apply_along_axis(lambda alm: hp.alm2cl(alm.astype(complex)), -1, alms)
 
 
 def gaussian_alm(cl, rng):

@@ -33,11 +33,8 @@ def bands_of(filters):
     end at small l, where transforms are cheap.
     """
     degree = sphere.alm_degree(filters.shape[1] - 1)
-    bands = []
-    for values in filters:
-        keep = degree <= np.flatnonzero(values).max(initial=1)
-        bands.append((keep, values[degree[keep]]))
-    return bands
+    passed = [degree <= np.flatnonzero(values).max(initial=1) for values in filters]
+    return [(keep, values[degree[keep]]) for keep, values in zip(passed, filters, strict=True)]
 
 
 def noise_of_scales(filters, noise):

@@ -1,5 +1,6 @@
 """Foreground emission as power laws in frequency (paper, Eqs. 1, 2 and 5)."""
 
+import itertools
 from dataclasses import dataclass
 from math import factorial
 
@@ -58,11 +59,9 @@ def emission_modes(components, freqs):
         low, high = np.min(component.index), np.max(component.index)
         centre, term = 0.5 * (low + high), np.exp(x * 0.5 * (low + high))
         pixels = component.map(middle)
-        order = 0
-        while True:
+        for order in itertools.count(1):
             spectra.append(term)
             maps.append(pixels)
-            order += 1
             term, pixels = term * x / order, pixels * (component.index - centre)
             if (np.abs(x).max() * 0.5 * (high - low)) ** order <= _TOLERANCE * factorial(order):
                 break
