@@ -313,7 +313,7 @@ TABLE = [
     (power_of_box, "cell", (1, 2, 0), "three sides"),
     (power_of_box, "mask", np.zeros((5, 6), dtype=bool), "True somewhere"),
     (power_of_box, "mask", np.ones((6, 5), dtype=bool), "of shape"),
-    (power_of_box, "maps", np.full((4, 5, 6), np.nan), "finite where"),
+    (power_of_box, "maps", np.full((4, 5, 6), np.nan), "maps must be finite everywhere, got 120 NaN"),
     (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([900.0, 901, 905]), "evenly spaced"),
     (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([1410.0, 1420, 1430]), "below 1420.4"),
     (partial(cell_of, angles=(0.01, 0.01)), "freqs", np.array([100.0, 101, 102]), BETWEEN),

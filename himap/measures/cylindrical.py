@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from himap.core.checks import evenly_spaced, real_array
+from himap.core.checks import checked_cube, evenly_spaced, real_array
 from himap.core.errors import InputError
+from himap.measures.spectra import quotient
 
 _PER_DECADE = 8  # bins
 
@@ -91,11 +92,11 @@ def cylindrical_power(maps, cell, *, mask=None, most=np.inf):
     in_row, in_column = along.sum(axis=1), across(np.ones(k_perp.shape))
     n_modes = np.outer(in_row, in_column.astype(int))
     return CylindricalPower(
-        k_perp=_mean(across(k_perp), in_column),
-        k_par=_mean(along @ k_par, in_row),
+        k_perp=quotient(across(k_perp), in_column, np.nan),
+        k_par=quotient(along @ k_par, in_row, np.nan),
         perp_edges=perp_edges,
         par_edges=par_edges,
-        power=norm * _mean(total, n_modes),
+        power=norm * quotient(total, n_modes, np.nan),
         n_modes=n_modes,
     )
 
@@ -117,9 +118,8 @@ def _check_input(maps, cell, mask):
             f"the mask must be True where seen and False elsewhere, of shape {maps.shape[1:]}, and True "
             f"somewhere; got {seen.dtype} {seen.shape}."
         )
-    if not np.isfinite(maps[:, seen]).all():
-        raise InputError("maps must be finite where the mask is True.")
-    return maps.astype(np.result_type(maps.dtype, np.float32), copy=False), seen
+    lines = checked_cube("maps", maps.reshape(len(maps), -1), kept=seen.ravel())
+    return lines.reshape(maps.shape), seen
 
 
 def _edges(step, top):
@@ -128,11 +128,6 @@ def _edges(step, top):
     while edges[-1] * step < top:
         edges.append(max(edges[-1] + 1, np.floor(edges[-1] * 10 ** (1 / _PER_DECADE)) + 0.5))
     return np.array(edges) * step
-
-
-def _mean(total, count):
-    """total / count, NaN where there is none."""
-    return np.divide(total, count, out=np.full(np.shape(total), np.nan), where=count > 0)
 
 
 def cell_of(freqs, angles):

@@ -148,6 +148,11 @@ def weighted(pixels, weights):
     return weights * np.where(kept, pixels - np.average(pixels[kept], weights=weights[kept]), 0)
 
 
+def quotient(power, ratio, fill=0.0):
+    """power / ratio, float64; `fill` where the ratio is 0."""
+    return np.divide(power, ratio, out=np.full(np.broadcast(power, ratio).shape, fill), where=ratio != 0)
+
+
 def checked_maps(maps, mask):
     """Maps (n_channels, n_pix) and the weights (n_pix,) of a mask; where these are 0 it may be anything.
 

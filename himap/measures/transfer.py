@@ -17,6 +17,7 @@ from himap.core.progress import progress
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
 from himap.measures import diagnostics
+from himap.measures.spectra import quotient
 from himap.removal.harmonic import to_modes
 
 
@@ -217,8 +218,7 @@ class TransferFunction:
         Times the root of n / (n - 1) of n mocks, as each is in the mean (Bessel's correction).
         """
         powers, n_mocks = np.array([getattr(mock.input, kind) for mock in self.mocks]), len(self.mocks)
-        ratios = quotient(powers, np.broadcast_to(powers.mean(axis=0), powers.shape))
-        return (ratios - 1) * np.sqrt(n_mocks / max(n_mocks - 1, 1))
+        return (quotient(powers, powers.mean(axis=0)) - 1) * np.sqrt(n_mocks / max(n_mocks - 1, 1))
 
 
 def harmonic_power(alms, channel_width):
@@ -274,11 +274,13 @@ def expected_mock_power(separation, channel_width):
     much foreground as is missing in `output`, if its covariance is the right one. `channel_width` in MHz.
     """
     linear, rows = separation.filter, []
+    waves = fft.rfft(np.eye(len(linear.spectra[0])), axis=0)
     for degree, (spectra, estimators) in enumerate(zip(linear.spectra, linear.estimators, strict=True)):
         faint = linear.faint_at(degree)
         keeps = np.eye(len(faint)) - spectra @ estimators
         cross = keeps @ faint
-        rows.append([_expected(one) for one in (faint, cross @ keeps.T, cross)])
+        covariances = faint, cross @ keeps.T, cross
+        rows.append([np.sum((waves @ one) * waves.conj(), axis=1).real for one in covariances])
     return MockPower(*_harmonic_powers(rows, len(faint), channel_width))
 
 
@@ -293,12 +295,6 @@ def expected_power(spectra, channel_width):
     return _harmonic_powers(rows, len(one), channel_width)[0]
 
 
-def _expected(covariance):
-    """The expected power of Fourier transforms of channels with a covariance, (n_k,)."""
-    waves = fft.rfft(np.eye(len(covariance)), axis=0)
-    return np.sum((waves @ covariance) * waves.conj(), axis=1).real
-
-
 def _harmonic_powers(rows, n_channels, channel_width):
     """`HarmonicPower` of each column of `rows`, which have some powers (n_k,) for each l."""
     scale, common = channel_width / n_channels, {"n_channels": n_channels, "channel_width": channel_width}
@@ -309,8 +305,3 @@ def _waves(alms):
     """Pairs of every l and the Fourier transforms along frequency of its real modes, (n_k, 2 l + 1)."""
     for degree in progress(range(sphere.lmax_of_size(alms.shape[-1]) + 1), "powers"):
         yield degree, fft.rfft(to_modes(alms, degree, degree), axis=0)
-
-
-def quotient(power, ratio):
-    """power / ratio, 0 where the ratio is 0."""
-    return np.divide(power, ratio, out=np.zeros(ratio.shape), where=ratio != 0)
