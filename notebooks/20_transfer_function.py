@@ -486,7 +486,7 @@ quote(
 #
 # In {glue:text}`transfer_right` of {glue:text}`transfer_cells` cases at `ci` and `quick`, each a size, Galaxy,
 # method and band, the interval of the coverage contains 68 %; with right error bars it would in about
-# {glue:text}`transfer_right_expected`. At `laptop` there are too few skies to tell.
+# {glue:text}`transfer_right_expected`. At `laptop` there are too few skies to tell band by band.
 
 # %% tags=["hide-input"]
 show_table(rows, columns=4)
