@@ -24,8 +24,13 @@ NESTED_CELLS = 1024
 class Survey:
     """A single-dish intensity-mapping survey of the full sky (paper, Sect. 2).
 
-    Attributes are documented in their ``help``; `Survey.describe` lists them. Frequencies are in MHz, lengths
-    in Mpc/h unless said otherwise. InputError for a field of the wrong type or outside its range.
+    Attributes are documented in their ``help``; `Survey.describe` lists them. Frequencies are in
+    MHz, lengths in Mpc/h unless said otherwise.
+
+    Raises
+    ------
+    InputError
+        A field of the wrong type or outside its range, or an `nside` that is no power of two.
     """
 
     nside: int = parameter(64, "HEALPix resolution of the maps, a power of two", minimum=4, maximum=4096)

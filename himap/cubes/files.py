@@ -41,17 +41,20 @@ def read_cube(
 ):
     """A `Cube` from a file; see `himap.cubes.files.read_file` for the formats.
 
-    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
-    left out, by the method. Without, the pixels that are seen in all channels are kept.
-
     Parameters
     ----------
     path
         File, or folder of files.
-    freqs, unit, order, frame
-        For files that do not state them: channel centres in MHz, in the order of the file, an array or the
-        path of a file (`himap.cubes.files.read_freqs`); "K", "mK" or "uK"; "RING" (default) or "NESTED";
-        "G", "C" or "E", of the coordinates.
+    freqs
+        Channel centres in MHz, in the order of the channels in the file: an array, or the path of a file with
+        one number a line, or of a table of edges (`himap.cubes.files.read_freqs`); for files that do not
+        state them.
+    unit
+        "K", "mK" or "uK", if the file does not say.
+    order
+        "RING" or "NESTED", if the file does not say; RING unless given.
+    frame
+        Of the coordinates, "G", "C" or "E", if the file does not say.
     maps_name, freqs_name
         Datasets of an HDF5 file.
     axes
@@ -73,6 +76,11 @@ def read_cube(
     ------
     InputError
         What is missing or contradicts the file, and how to give it.
+
+    Notes
+    -----
+    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
+    left out, by the method. Without, the pixels that are seen in all channels are kept.
     """
     weighed, voxels = weights is not None or flags is not None, None
     names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}

@@ -92,12 +92,17 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
 
 
 def save_cleaned(cleaned, path, *, overwrite=False):
-    """Write a `CleanedCube`: residual, foreground and mixing matrix; a list of the paths is returned.
+    """Write a `CleanedCube`: residual, foreground and mixing matrix.
 
     Channels, pixels and units are as in the file that the cube came from, and so is the header of an image;
     pixels that were not seen are NaN (of HEALPix in FITS: UNSEEN). Of a voxel that was missing the residual
     is NaN, the foreground what was estimated of it. An HDF5 file holds it all; with FITS and .npy come
     NAME_foreground and NAME_mixing.txt.
+
+    Returns
+    -------
+    list
+        The paths that were written.
 
     Raises
     ------

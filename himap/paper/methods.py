@@ -53,9 +53,17 @@ def sdecgmca_for(beam, **changed):
 def methods_for(beam, n_sources=None, *, method="sdecgmca", variable="temperature", **options):
     """The six methods as the paper uses them for one beam, in the order of `BSS` and then the two fits.
 
-    Without `n_sources` their number is that of Table 1; `variable` is that of `Polynomial`. `method` and
-    `options` are what replaces SDecGMCA and what differs from its defaults, as in `beam_aware_for`, which
-    refuses bad ones.
+    Parameters
+    ----------
+    beam
+        A `Beam`.
+    n_sources
+        The number of sources; that of Table 1 unless given.
+    variable
+        Of the polynomial, as of `Polynomial`.
+    method, options
+        As in `beam_aware_for`, which refuses bad ones: what replaces SDecGMCA, and what differs
+        from its defaults.
     """
     n = table_1(beam)["n_sources"] if n_sources is None else n_sources
     return [

@@ -33,9 +33,18 @@ from himap.store.store import product
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One observation of one sky, through a `Beam`, such as those of `himap.paper.methods.paper_beams`.
+    """One observation of one sky.
 
-    `dimming` is that of the foregrounds along the Galactic plane, or None.
+    Attributes
+    ----------
+    survey
+        `Survey`.
+    galaxy
+        `Galaxy`.
+    beam
+        A `Beam`, such as those of `himap.paper.methods.paper_beams`.
+    dimming
+        A `Dimming` of the foregrounds along the Galactic plane, or None.
     """
 
     survey: Survey = field(default_factory=Survey)

@@ -28,12 +28,25 @@ STRATEGIES = {"matrix": 3, "spectrum": 4}
 class Realisation:
     """One sky, observed through the three beams and with the Galactic plane dimmed, and cleaned by all.
 
-    Survey, Galaxy and `Dimming` are those of `pipeline.Case`, the last of the dimmed case alone;
-    `oscillating` is that beam, or another in its place, and `n_sources` are the numbers of sources of the
-    scan. `method`, a name in `himap.paper.methods.BEAM_AWARE`, takes the place of SDecGMCA, and its name in
-    the claims; `options` are pairs (name, value) of those that differ from its defaults, and `restart` is the
-    number of its start, 0 for a method without restarts. `average` is that of C_l over channels, one of
-    `diagnostics.AVERAGES`, and `polynomial` the variable of that fit, as of `himap.removal.Polynomial`.
+    Attributes
+    ----------
+    survey, galaxy
+        As in `pipeline.Case`.
+    oscillating
+        The oscillating beam, or another in its place.
+    dimming
+        Of the dimmed case.
+    n_sources
+        Numbers of sources of the scan.
+    method, options
+        The method in the place of SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`, and pairs (name,
+        value) of its options that differ from their defaults. In the claims its name is "sdecgmca".
+    restart
+        Which start of this method, 0 or more; where it has no field `restart` there is only 0.
+    average
+        Of C_l over channels, one of `diagnostics.AVERAGES`.
+    polynomial
+        Variable of the polynomial fit, as of `himap.removal.Polynomial`.
     """
 
     survey: Survey = field(default_factory=Survey)
