@@ -200,6 +200,27 @@ class TestMeasured:
             assert one.products == pytest.approx(others, rel=1e-3, abs=1e-3 * others.max())
         assert len(given) == n_mocks
 
+    @pytest.mark.parametrize("drawn", [True, False])
+    def test_foreground_beyond_the_multipoles_is_subtracted(self, cleaned, rng, drawn):
+        """Pixels have more power than multipoles: noise at all k alike, foreground at few of them."""
+        transfer = measure_transfer(cleaned, [blue(rng)], beams=BEAMS if drawn else None)
+        usual, within = spectra_of(cleaned), transfer.residual.frequency
+        white, bump = 0.1 * np.median(within), 5 * within * (np.arange(len(within)) == 1)
+        some, more = (
+            correct(cleaned, transfer, replace(usual, frequency=replace(usual.frequency, power=power)))[
+                "frequency"
+            ]
+            for power in (within + white, within + white + bump)
+        )
+        subtracted = (more.systematic - some.systematic) * some.share
+        assert some.corrected[-1] > 1.01 * transfer.corrected("frequency", within)[-1]
+        assert more.corrected[1:] == pytest.approx(some.corrected[1:], rel=1e-12)
+        if drawn:
+            assert more.corrected[0] == pytest.approx(some.corrected[0], rel=1e-12)
+            assert subtracted == pytest.approx(bump[1:], rel=1e-9, abs=1e-12 * bump.max())
+        else:
+            assert more.corrected[0] > 2 * some.corrected[0]
+
     @pytest.mark.parametrize("method", [PCA(n_sources=3), *POLYNOMIALS, Parametric(), GNILC()])
     def test_no_method_leaves_more_foreground_than_there_is_power(self, cube, rng, method):
         """Also if its spectra are not those of a linear fit."""

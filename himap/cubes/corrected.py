@@ -46,7 +46,8 @@ class Corrected:
         Mean power of the mocks in the place of `corrected`.
     systematic
         What was estimated as foreground residual and subtracted, over the transfer function, in the unit of
-        the spectrum. As that estimate rests on assumptions, it is the systematic error of `corrected`.
+        the spectrum; of P(k) also what pixels have beyond the multipoles at few k alone. As that estimate
+        rests on assumptions, it is the systematic error of `corrected`.
     truth
         The spectrum of the truth, NaN where it is not known.
     drawn
@@ -144,14 +145,19 @@ def _corrected(kind, transfer, shown, true):
     bins = (known_at > low[inside, None]) & (known_at < high[inside, None])
     bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
     residual_power, share = getattr(transfer.residual, kind), getattr(transfer, kind)
-    # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
-    scale = residual[inside] / (bins @ residual_power[known])
     lost = share <= 0
     found = transfer.corrected(kind, getattr(transfer.without_foreground, kind))
     systematic = quotient(residual_power, share) - found
     corrected = np.where(lost, 0, found)
     several = len(transfer.mocks) > 1
     expected = np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)
+    # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
+    within = bins @ residual_power[known]
+    beyond, excess = residual[inside] - within, 0.0
+    if kind == "frequency" and transfer.drawn:
+        # Noise beyond lmax is white along frequency; what pixels have more at some k is foreground.
+        excess = beyond - np.median(beyond)
+    scale = 1 + (beyond - excess) / within
     return Corrected(
         x=x[inside],
         residual=residual[inside],
@@ -160,7 +166,7 @@ def _corrected(kind, transfer, shown, true):
         errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
         sample=transfer.sample(kind)[:, known] @ bins.T,
         expected=bins @ expected[known] * scale,
-        systematic=bins @ systematic[known] * scale,
+        systematic=bins @ systematic[known] * scale + quotient(excess, bins @ share[known]),
         truth=np.interp(x[inside], *true, left=np.nan, right=np.nan),
         drawn=transfer.drawn,
     )

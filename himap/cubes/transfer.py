@@ -19,7 +19,6 @@ from himap.measures.transfer import (
     harmonic_power,
     mock_power,
 )
-from himap.removal.analysis import n_iter_of_faint
 from himap.removal.smooth_posterior import N_SMOOTH, foreground_given, products_of
 
 
@@ -181,12 +180,8 @@ def _member_power(cleaned, mock, alms, before, known, beams):
 
 
 def alms_of(cube, maps, lmax=None):
-    """Coefficients of maps (n_channels, n_seen) of a cube, less their means, to `lmax` if one is given.
-
-    Of maps as faint as HI and noise, all with the same errors, which ratios of their powers do not have.
-    """
-    maps, n_iter = cube.on_sphere(maps), n_iter_of_faint(cube.nside)
-    alms = masked_alms(maps, mask=cube.sky_mask, n_iter=n_iter)
+    """Coefficients of maps (n_channels, n_seen) of a cube, less their means, to `lmax` if one is given."""
+    alms = masked_alms(cube.on_sphere(maps), mask=cube.sky_mask)
     return alms if lmax is None else sphere.alms_upto(alms, lmax)
 
 

@@ -79,7 +79,7 @@ class CubeModes(SplitModes):
         for with_peaks, without, out in zip(progress(maps, "peaks"), smooth, rest, strict=True):
             peaks = (with_peaks - without).astype(np.float32)
             if peaks.any():
-                alm = sphere.analyse(peaks, self.lmax, n_iter=n_iter_of_faint(sphere.nside_of(peaks)))
+                alm = sphere.analyse(peaks, self.lmax, n_iter=_n_iter(sphere.nside_of(peaks)))
                 out[1:] -= harmonic.to_modes(alm)[1:]
         return replace(self, rest=rest)
 
@@ -128,7 +128,7 @@ def cube_modes(maps, kept=None, covariance=None):
     1e-5. Products run on one thread: the number of threads changes their last bits, and SDecGMCA with them.
     """
     nside = sphere.nside_of(maps if kept is None else kept)
-    lmax, n_iter = 3 * nside - 1, n_iter_of_faint(nside)
+    lmax, n_iter = 3 * nside - 1, _n_iter(nside)
     with threadpool_limits(1, user_api="blas"):
         values, axes = np.linalg.eigh(channel_covariance(maps) if covariance is None else covariance)
         faint = _faint(values)
@@ -179,7 +179,7 @@ def _bright_modes(lines, values, faint, kept=None):
     rows = zip(progress(lines, "bright maps"), tolerances, is_bright, out, strict=True)
     for line, tolerance, bright, modes in rows:
         if not bright:
-            alm = sphere.analyse(line, n_iter=n_iter_of_faint(nside))
+            alm = sphere.analyse(line, n_iter=_n_iter(nside))
         elif kept is None:
             alm = sphere.analyse_closely(line, 3 * nside - 1, tolerance)
         else:
@@ -188,7 +188,7 @@ def _bright_modes(lines, values, faint, kept=None):
     return out
 
 
-def n_iter_of_faint(nside):
+def _n_iter(nside):
     """Refinements of the quadrature that maps as faint as HI and noise need."""
     return 0 if nside >= _FINE else sphere.N_ITER_FLAT
 
