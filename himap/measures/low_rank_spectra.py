@@ -115,7 +115,7 @@ def line_errors(error):
     return errors
 
 
-def masked_alms(maps, *, mask=None, alms=None, n_iter=sphere.N_ITER):
+def masked_alms(maps, *, mask=None, alms=None):
     """Coefficients of every channel less its mean, times the mask, to 3 nside - 1, (n_channels, n_alm).
 
     Parameters
@@ -126,8 +126,6 @@ def masked_alms(maps, *, mask=None, alms=None, n_iter=sphere.N_ITER):
         Coefficients of the maps without a mask, to 3 nside - 1, where they are known: if the mask keeps
         most of the sky, only what it removes is transformed. That is little: plain quadrature does for it.
         Or a function of a slice of channels that makes theirs, which needs no copy of them.
-    n_iter
-        Refinements of `himap.maps.sphere.analyse`, where the maps themselves are transformed.
 
     Raises
     ------
@@ -144,7 +142,7 @@ def masked_alms(maps, *, mask=None, alms=None, n_iter=sphere.N_ITER):
     if alms is None or weights.mean() < _MOST:
         out = np.empty((len(maps), sphere.alm_size(3 * sphere.nside_of(maps) - 1)), dtype=kind)
         for pixels, alm in zip(progress(maps, "analysis"), out, strict=True):
-            alm[:] = sphere.analyse(weighted(pixels, weights).astype(maps.dtype), n_iter=n_iter)
+            alm[:] = sphere.analyse(weighted(pixels, weights).astype(maps.dtype))
         return out
     made = alms(slice(None)) if callable(alms) else alms
     out = made.astype(np.result_type(made, kind), copy=made is alms)
