@@ -103,6 +103,24 @@ class TestCleaning:
         expected = other.foreground.cube() + other.means[:, None] + mock
         assert cleaned.resampled(mock, other).data.maps == pytest.approx(expected, rel=1e-5, abs=1e-6)
 
+    def test_the_modes_of_a_member_follow_from_those_of_its_mock(self, rng):
+        """With its peaks and without: those of a transform of its maps, to a small share of the mock's."""
+        freqs, cl = np.linspace(900, 1400, 64), 1e6 / (1 + np.arange(2 * NSIDE)) ** 3.0
+        sources = np.array([sphere.synthesise(sphere.gaussian_alm(cl, rng), NSIDE) for _ in range(2)])
+        bright = (freqs / 1000)[:, None] ** np.array([-2.1, -2.8]) @ sources
+        mock = rng.standard_normal(bright.shape)
+        data = Data.of((bright + rng.standard_normal(bright.shape)).astype(np.float32), freqs=freqs)
+        cleaning = Cleaning.of(data, PCA(n_sources=2))
+        mock[40, 50:60] = 40
+        alms = sphere.analyse(mock - mock.mean(axis=1, keepdims=True), n_iter=sphere.N_ITER_FLAT)
+        found, expected = cleaning.resampled(mock, None, alms), cleaning.resampled(mock)
+        low, level = slice((2 * NSIDE + 1) ** 2), np.sqrt(4 * np.pi / bright.shape[1])
+        for one, other in ((found.data, expected.data), (found.basis, expected.basis)):
+            wrong = np.array(one.modes)[:, low] - np.array(other.modes)[:, low]
+            assert np.sqrt(np.mean(wrong**2, axis=1)).max() < 0.03 * level
+        peaks = np.array(found.data.modes)[40, low] - np.array(found.basis.modes)[40, low]
+        assert np.sqrt(np.mean(peaks**2)) > level
+
     def test_with_other_settings(self, data, maps, mock):
         cleaning, given = Cleaning.of(data, PCA(n_sources=2), peaks=False), {"freqs": FREQS}
         fewer = cleaning.with_sources(1).residual

@@ -235,9 +235,10 @@ def modes_figure(cleaned):
 def maps_figure(cleaned):
     """The residual in the channel in the middle, and its rms over channels; empty where nothing is seen."""
     cube, middle, maps = cleaned.cube, len(cleaned.cube.freqs) // 2, {}
+    there = True if cube.missing is None else ~cube.missing[middle]
     n_seen = len(cube.freqs) if cube.missing is None else np.count_nonzero(~cube.missing, axis=0)
     seen = {
-        f"residual at {cube.freqs[middle]:g} MHz": cleaned.residual_with_nan[middle],
+        f"residual at {cube.freqs[middle]:g} MHz": np.where(there, cleaned.residual[middle], np.nan),
         "rms over channels": np.sqrt(np.einsum("cp,cp->p", *[cleaned.residual] * 2) / n_seen),
     }
     for title, values in seen.items():

@@ -161,7 +161,9 @@ def modes_of_sum(foreground, alms, covariance):
     terms = foreground.truncate(_NEGLIGIBLE * faint)
     values = np.mean(terms.maps**2, axis=1)
     bright = _bright_modes(terms.maps, values, faint)
-    rest = harmonic.to_modes(alms).astype(np.float32)
+    rest = np.empty((len(alms), bright.shape[1]), dtype=np.float32)
+    for alm, out in zip(alms, rest, strict=True):
+        out[:] = harmonic.to_modes(alm)
     return CubeModes(spectra=terms.spectra, bright=bright, rest=rest)
 
 
