@@ -253,15 +253,17 @@ class TestCheckAndGrow:
         assert written(*grow)[0] == 0 and len(seen) == 4
         assert written(*CLAIMS, "--check", "a.json")[::2] == (0, "")  # the order of rows is another
 
-    def test_the_restarts_that_it_states_are_those_of_every_sky(self, written):
+    def test_the_restarts_that_it_states_are_those_of_every_sky(self, written, seen):
         """Not of the few that have more, as where growing was interrupted, of which all can be checked."""
         one_sky = (*CLAIMS, "--grow", "a.json", "-p", "n_realisations=1", "-p", "n_restarts=4")
         assert written(*one_sky)[0] == 0
         assert dict(stored("a.json").about["overrides"])["n_restarts"] == 2
         for n in (2, 4):
             assert written(*CLAIMS, "--check", "a.json", "-p", f"n_restarts={n}")[::2] == (0, "")
+        n_measured = len(seen)
         code, _, err = written(*CLAIMS, "--check", "a.json", "-p", "n_restarts=5")
-        assert code == 2 and "give the parameters that it was made with" in err
+        assert code == 2 and "has 4 restarts of that sky: give n_restarts=4 or fewer" in err
+        assert len(seen) == n_measured  # refused before the work
         assert written(*CLAIMS, "-p", "method=beam_subspace", "-o", "b.json")[0] == 0
         assert dict(stored("b.json").about["overrides"])["n_restarts"] == 1  # that method has none
 

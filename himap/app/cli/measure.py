@@ -95,6 +95,10 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         record.check_parameters(about(started))
         if _single_draws(record.rows, chosen).all():  # before the work
             raise InputError(f"{path} has only single runs of chaotic methods: measure all of it again.")
+        known = record.rows[record.rows["seed"] == skies[0].survey.seed]
+        if experiment.other_restarts and experiment.other_restarts(skies[0], {*known["restart"]}):
+            n = known["restart"].nunique()
+            raise InputError(f"{path} has {n} restarts of that sky: give n_restarts={n} or fewer.")
         rows = experiment.table(skies[:1])
         drawn = _single_draws(rows, chosen)
         record = Record.load(experiment, path)  # another command may have grown it meanwhile
