@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 import yaml
 from conftest import ROOT, render_book
+from hypothesis import example, given
+from hypothesis import strategies as st
 from play import LINES, SPECTRA, content_of
 from play_data import of_notebook, of_stored, plain, view
 from play_looks import apart, methods
 from tolerances import without_tolerance
 
 from himap.app.notebook_files import Figure, figures
+from himap.figures.numbers import quoted, show
 
 ADDRESS = "https://github.com/somebody/himap"
 
@@ -88,6 +91,14 @@ def test_tables_show_what_the_tolerance_is_sure_of(stored, shown):
     cell = without_tolerance(f"<td>{stored} mK</td>")
     assert cell == f'<td><span title="{stored.replace(" ±", ", to within")}">{shown}</span> mK</td>'
     assert without_tolerance("<td>5 of 6 (3 to 4)</td>") == "<td>5 of 6 (3 to 4)</td>"
+
+
+@given(st.floats(-1e9, 1e9, allow_subnormal=False), st.sampled_from([1e-7, 0.01, 0.02, 0.63, 2, 3.3, 1e7]))
+@example(31.496, 0.63).via("31.5 would be 32")
+@example(0.6647, 0.033).via("0.665 would be 0.67")
+def test_tables_and_prose_show_the_same_number(value, tolerance):
+    (row,) = show({"C": (value, tolerance)}).rows
+    assert f">{quoted((value, tolerance))}<" in without_tolerance(row[1])
 
 
 def curves_to_play(curves):

@@ -121,7 +121,12 @@ FAILS = {
         set_to("dimmed", ["pca"], "angular", 1),
         both(as_full_galaxy("sdecgmca"), set_to("dimmed", ["pca", "fastica"], "angular", 2)),
     ],
-    "S1": [set_to("degraded", SD, "angular", 1.9), set_to("evolving", SD, "frequency", 1.9)],
+    "S1": [
+        set_to("degraded", SD, "angular", 1.9),
+        set_to("evolving", SD, "frequency", 1.9),
+        set_to("oscillating", SD, "angular", np.nan),
+        set_to("evolving", ["gmca"], "angular", np.nan),
+    ],
     "A1": [first_share("correlations", "pca", 0.995, 0.06)],
     "A2": [first_share("variances", "gmca", 1e-4, 0.2)],
     "V1": [

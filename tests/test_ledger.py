@@ -85,6 +85,9 @@ def test_the_cause_of_a_verdict_is_measured():
     failing = judged([(NOT_PCA, SD)])  # no part about SDecGMCA fails, so that no reading of it is why
     assert cause(failing, twice) == "PCA/ICA, not SD"
     assert cause(failing, {"ci": {"D1": entry(IN_PART)}}) == "PCA/ICA, not SD; ci"  # and one run will do
+    both = {f"ci, reading {name}": {"D1": entry(IN_PART)} for name in ("code", "letter")}
+    assert cause(failing, both) == "PCA/ICA, not SD; ci"  # which differs in more than the reading
+    assert cause(entry(IN_PART), both) == "none found"
     assert ">reading code</td>" in LedgerTable([entry(FAILED)], others=twice)._repr_html_()
 
 
@@ -229,7 +232,7 @@ PAPER, CODE, LETTER = {"preset": "paper"}, {"code": REPRODUCED}, ["reading", "le
         ({"": REPRODUCED}, {"overrides": []}, "reading default"),
         ({"": REPRODUCED}, {"overrides": [["method", "beam_subspace"]]}, "none found"),
         ({"": REPRODUCED}, PAPER, "the paper's size"),
-        ({"": REPRODUCED}, PAPER | {"overrides": []}, "reading default, the paper's size"),
+        ({"": REPRODUCED}, PAPER | {"overrides": []}, "the paper's size, reading default"),
         ({"": FAILED}, PAPER, "none found"),
         ({"": REPRODUCED}, PAPER | {"n_restarts": 1}, "none found"),  # a draw
         (
@@ -240,10 +243,10 @@ PAPER, CODE, LETTER = {"preset": "paper"}, {"code": REPRODUCED}, ["reading", "le
         ({"": REPRODUCED}, {}, "none found"),  # the ledger itself
         ({"": REPRODUCED}, {"overrides": [LETTER, ["nside", 64]]}, "none found"),
         # In a record of readings.
-        (CODE | {"letter": FAILED}, PAPER, "reading code, the paper's size"),
+        (CODE | {"letter": FAILED}, PAPER, "the paper's size, reading code"),
         (CODE | {"letter": REPRODUCED}, PAPER, "the paper's size"),
         (CODE | {"follow-up": REPRODUCED}, PAPER, "the paper's size"),
-        (CODE | {"follow-up": FAILED}, PAPER, "reading code, the paper's size"),
+        (CODE | {"follow-up": FAILED}, PAPER, "the paper's size, reading code"),
         (CODE, {"overrides": []}, "reading code"),
         (CODE, {"preset": "ci"}, "none found"),  # D1 is about l = 200
     ],

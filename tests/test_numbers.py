@@ -132,7 +132,7 @@ def test_restarts_have_a_median_and_a_band_and_are_not_compared():
     runs = ([{"C": (value, 0.01, "mK"), "settled": text} for value, text in several] for several in pairs)
     table, other = (show_table({"SD": of_restarts(several)}) for several in runs)
     row, note = (line.replace(SPACE, " ") for line in repr(table).splitlines()[1:])
-    assert row.split("  ")[-2:] == ["1.10 (0.95–16.18)† mK", "3 no, 1 yes†"] and note == numbers.OF_RESTARTS
+    assert row.split("  ")[-2:] == ["1.10 (0.95–16.2)† mK", "3 no, 1 yes†"] and note == numbers.OF_RESTARTS
     assert agree(repr(table), repr(other)) and agree(table.html(), other.html())
     assert of_restarts([(value, 0.01) for value in (0.9, 1.1, 1.0)])[0] == 1.0
     assert of_restarts([(0.9, 0.01)]) == one_run((0.9, 0.01))
@@ -140,6 +140,9 @@ def test_restarts_have_a_median_and_a_band_and_are_not_compared():
         band = repr(show({"C": of_restarts([(value, abs(value) / 10) for value in values])}))
         number, text = (f"C: {other}†\n{numbers.OF_RESTARTS}" for other in ("0.9", "no"))
         assert "(" in band and agree(band, number) and not agree(band, text)
+    # Ends have as many digits as the median, and two where that has fewer.
+    for values, shown in (((1.5, 2.0, 300), "2.00 (1.66–205)"), ((0, 0.001, 0.5), "0.00 (0.00–0.34)")):
+        assert quoted(of_restarts([(value, 0.01) for value in values])) == shown
     below = of_restarts([(-0.2, 0.1), (0.2, 0.1)])
     assert quoted(below).replace(SPACE, " ") == "0.0 (-0.1 to 0.1)"
 

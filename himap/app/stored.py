@@ -129,7 +129,7 @@ def _judgements(record, made):
     for label, by_id in several.items():
         other = {id: entry for id, entry in by_id.items() if id not in shared}
         if label != reading:
-            yield ", ".join(filter(None, (f"{READING}{label}", words))), other
+            yield ", ".join(filter(None, (words, f"{READING}{label}"))), other
     if words and judging:
         yield words, several.get(reading) or {id: judging[0][id] for id in shared}
 

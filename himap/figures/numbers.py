@@ -11,6 +11,7 @@ only its name, unit and form are compared.
 import math
 import re
 from collections import Counter
+from itertools import count
 
 import numpy as np
 
@@ -255,7 +256,9 @@ def _parsed(name, entry):
         raise InputError(f"{name}: the tolerance must be a number above 0, got {tolerance}.")
     number = _rounded(value, tolerance)
     if getattr(entry, "ends", None) and math.isfinite(value):
-        low, high = (_rounded(end, tolerance) for end in entry.ends)
+        # To as many digits as the median, and no fewer than two.
+        size = max(abs(value), 10 * tolerance)
+        low, high = (_rounded(end, tolerance * max(1, abs(end) / size)) for end in entry.ends)
         number += f" ({low}{' to ' if low[0] == '-' or high[0] == '-' else '–'}{high})"
     return number, tolerance, unit
 
@@ -274,15 +277,22 @@ def _rounded(value, tolerance):
 
 
 def _with_tolerance(value, tolerance):
-    """`value` to the second digit of the tolerance, which shows the tolerance itself to two digits."""
+    """`value` to the second digit of the tolerance, which shows the tolerance itself to two digits.
+
+    It has further digits where `_rounded` of these would not be that of the value.
+    """
     if not math.isfinite(value):
         return f"{value} ± {tolerance:.1e}"
     exponent = _exponent(tolerance)
     if exponent < -5 or exponent > 5:
         size = math.floor(math.log10(abs(value))) if value else exponent
-        return f"{value:.{max(size - exponent + 1, 1)}e} ± {tolerance:.1e}"
-    decimals = max(1 - exponent, 0)
-    return f"{value:.{decimals}f} ± {tolerance:.{decimals}f}"
+        decimals, kind, stated = max(size - exponent + 1, 1), "e", f"{tolerance:.1e}"
+    else:
+        decimals, kind = max(1 - exponent, 0), "f"
+        stated = f"{tolerance:.{decimals}f}"
+    rounded = _rounded(value, tolerance)
+    texts = (f"{value:.{n}{kind}}" for n in count(decimals))
+    return f"{next(text for text in texts if _rounded(float(text), tolerance) == rounded)} ± {stated}"
 
 
 def _exponent(value, decimals=1):

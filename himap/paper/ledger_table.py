@@ -34,7 +34,7 @@ CONCLUSIONS = {
 """The conclusions of the paper (its Sect. 6), {ids of the claims that hold its numbers: what it says}."""
 
 READING = "reading "
-"""The first word on what differs, if it is the reading of SDecGMCA."""
+"""The first word on what differs, if that is the reading of SDecGMCA alone; else the reading comes last."""
 
 _WORDS = ("id", "beam", "statement", "number", "paper", "reading")  # of a claim, in its row
 
@@ -76,10 +76,10 @@ def joint_verdict(entries):
 def cause(entry, others):
     """What makes the parts of a claim hold that do not in its `Entry`, in words: measured, not guessed.
 
-    `others` are {what is different: {claim: its `Entry`}}, such as "reading code", which begins with
-    `READING`. The text has the names of those in which all these parts hold; or "none found", and nothing of
-    a claim that is reproduced or does not apply. Where no part about SDecGMCA fails, the methods that do come
-    first.
+    `others` are {what is different: {claim: its `Entry`}}, such as "reading code" or "the paper's size,
+    reading code", as `READING` says. The text has the names of those in which all these parts hold; or "none
+    found", and nothing of a claim that is reproduced or does not apply. Where no part about SDecGMCA fails,
+    the methods that do come first, and readings are no cause.
     """
     if entry.verdict in (REPRODUCED, INAPPLICABLE):
         return ""
@@ -90,11 +90,13 @@ def cause(entry, others):
         causes.append(f"{', '.join(sorted(methods))}, not SD")
     for name, several in others.items():
         other = several.get(entry.claim.id)
+        if not of_sd and not name.startswith(READING):
+            name = name.partition(f", {READING}")[0]
         # One run of SDecGMCA is a draw, and a reading of it concerns nothing else.
         if other is None or (other.is_single_run if of_sd else name.startswith(READING)):
             continue
         held = other.main_shares["holds"].eq(True).reindex(failing.index, fill_value=False)
-        causes += [name] if len(held) and held.all() else []
+        causes += [name] if len(held) and held.all() and name not in causes else []
     return "; ".join(causes) or "none found"
 
 

@@ -187,7 +187,7 @@ def without_sd(values):
 
 def sd_least(values):
     """Whether SD has the smallest of {name: number}, by more than the dead band."""
-    return is_smaller(values["SD"], min(without_sd(values).values()))
+    return is_smaller(values["SD"], np.min([*without_sd(values).values()]))  # not less than a NaN
 
 
 def below(limit):

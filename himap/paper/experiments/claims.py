@@ -20,7 +20,10 @@ from himap.sky.galaxy import Dimming
 from himap.store.store import product
 
 _PAPER_TOP = 200  # l up to which the paper shows angular spectra
-_UP_TO_TOP = ("D1", "E2", "O3", "O6", "R1", "N5", "A2", "V4", "V6", "V7")  # claims on multipoles near it
+_UP_TO_TOP = (  # claims on multipoles up to it, or near it
+    *("D1", "E1", "E2", "O1", "O3", "O6", "R1", "N1", "N3", "N4", "N5", "M4", "M5", "G1", "G3", "G4"),
+    *("S1", "A2", "V4", "V6", "V7"),
+)
 _ON_PEAKS = ("B1", "B2", "B3")
 
 
