@@ -341,7 +341,8 @@ quote(
 #   {glue:text}`peaks_change_oscillating` for the degraded, evolving and oscillating beam, and changes by
 #   {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick`, for PCA, the step prevents a
 #   signal loss at the smallest $k_\nu$ and is not essential. The paper, at a resolution four times finer,
-#   calls it essential for all methods, and reports that it mitigates a bias of $P$ on all scales.
+#   calls it essential for all methods, and reports that it mitigates a bias of $P$ on all scales; the one run
+#   of SDecGMCA here with the paper's box has such a bias without it ({doc}`18_paper_size`).
 # - With the oscillating beam the foreground residual dominates, and masking does not reduce it.
 # - Subtracted from the masked maps, even the true foreground would leave {glue:text}`peaks_lacking_least` to
 #   {glue:text}`peaks_lacking_most` too little power, depending on the scale.

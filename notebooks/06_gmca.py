@@ -338,7 +338,8 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # - With the oscillating beam GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA.
 #   With the evolving beam the two are close on this sky; on the real Galaxy GMCA has an excess at the lowest
 #   $\ell$, up to about 20 at the paper's size; over the intermediate $\ell$ of the paper its mean is not
-#   that of a clear excess (claim E3, {doc}`15_claims`).
+#   that of a clear excess (claim E3, {doc}`15_claims`), but for a sky with smoothed HI
+#   ({doc}`18_paper_size`).
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, single sources are not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #

@@ -108,8 +108,9 @@ freqs = study.survey.freqs
 # inversion of SDecGMCA are included.
 #
 # For PCA, FastICA and GMCA $r$ oscillates with the period of the ripple at the low end of the band, where the
-# ripple is foreground residual. Restarts of SDecGMCA that do not fail have no such oscillation, and a higher
-# $r$ in nearly all channels; where half of them fail the median oscillates too. Which ones fail is known here
+# ripple is foreground residual. Here restarts of SDecGMCA that do not fail have no such oscillation, and a higher
+# $r$ in nearly all channels; where half of them fail the median oscillates too. At the paper's size a restart
+# that does not fail has it as well, weakly ({doc}`18_paper_size`). Which ones fail is known here
 # from the truth.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the recovered and the true map against frequency, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods, without the lowest values of single restarts. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}

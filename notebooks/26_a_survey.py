@@ -83,7 +83,7 @@ study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
 nside, n_channels = study.survey.nside, study.survey.n_channels
-whole_number("bin_width", bin_width, 1, 2 * nside)
+_ = whole_number("bin_width", bin_width, 1, 2 * nside)
 
 # %% [markdown]
 # ## The survey

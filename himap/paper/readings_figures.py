@@ -27,7 +27,7 @@ def claims_figure(outcomes):
         return [[one.verdict] if one else [] for one in entries]
 
     groups = {
-        name: {f"{CLAIMS[claim].number}  {claim}": verdicts(claim) for claim in claims}
+        name: {f"{CLAIMS[claim].statement}  {claim}": verdicts(claim) for claim in claims}
         for name, claims in robustness(outcomes).items()
         if claims
     }
