@@ -245,7 +245,7 @@ show(numbers)
 # $C/C_0$ coincides up to the dotted line. Beyond it “regularised” has an excess, which is not the paper's
 # peak, as $\epsilon$ is 0 there on these maps (last table), but the numerical error described below.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "P/P0 (left) and C/C0 (right) for three treatments of the multipoles beyond the last of the inversion (dotted). Medians and bands of the restarts. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "P/P0 (left) and C/C0 (right) for three treatments of the multipoles beyond the last of the inversion (dotted). Medians of the restarts, whose scatter is in the figures above. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
 LOOKS = {
     "cut": {"color": styles.VERMILION, "linestyle": "-"},
     "regularised": {"color": styles.BLUE, "linestyle": "--"},
@@ -264,7 +264,7 @@ curves = {
     kind: [
         (
             getattr(members[0], x),
-            np.squeeze([one.ratios[kind] for one in members]),
+            np.median([one.ratios[kind] for one in members], axis=0),
             LOOKS[how] | {"label": how},
         )
         for how, members in answers.items()
