@@ -37,7 +37,7 @@
 # | verdict | condition |
 # |---|---|
 # | ✓ reproduced | every main part holds in 84 % of the members or more |
-# | ≈ in part | of several methods that the paper names, the claim holds for some and not for others |
+# | ≈ in part | of several methods that the paper names, the claim holds for some, and not for others or not in another main part |
 # | ✗ not reproduced | a main part holds in at most 16 % of the members and, if the claim names several methods, it is neither reproduced nor undecided for any of them; *premise absent* if, for instance, there is no peak to lower |
 # | ? undecided | any other share |
 # | – does not apply | the maps do not have the scales, or the scan does not have the number of sources |

@@ -215,7 +215,8 @@ plotting.stamp(curves_figure(outcomes), made)
 # $\ell = 200$, the default should be that under which most of the paper's statements on SDecGMCA hold. A
 # reading that fails often can score high too. A main part that holds in a share $p$ of the members of a sky,
 # compared with the truth at all multipoles, counts $p$; skies weigh the same, and a tie goes to the candidate
-# with fewer departures from the text. The rule is for `laptop`, as maps at `ci` end at $\ell = 64$ and cannot
+# with fewer departures from the text. That rule was written for each reading with any one option changed; only
+# the treatment beyond $\ell = 200$ was, as every further option multiplies the runs. The rule is for `laptop`, as maps at `ci` end at $\ell = 64$ and cannot
 # test what the paper states up to 200. It selects on the skies of two seeds,
 # {glue:text}`readings_selection`, and confirms on those of three others, {glue:text}`readings_confirmation`.
 # If these do not confirm the selection, the mean over all skies decides.

@@ -30,7 +30,7 @@ DEFINED = {
         "1420.4 MHz, 1400 MHz, ten thousand times, 408 MHz, 30 GHz, 1.4 GHz, 0.2, 4 MHz, 1300 MHz, 1.66°, "
         "6 %, 2 Mpc"
     ),
-    "notebooks/02_beams_and_noise.py": "0.14 %, 0.1, 0.5 arcmin, 0.5 MHz, 1 MHz, 20 MHz",
+    "notebooks/02_beams_and_noise.py": "0.14 %, 0.1, 0.5 arcmin, 0.5 MHz, 1 MHz, 13.5, 20 MHz, 20,000 h",
     "notebooks/03_peak_masking.py": "10°, 60°, four times",
     "notebooks/04_pca.py": "96 %, 99 %, 10 %",
     "notebooks/05_fastica.py": "-2.1, 96 %, 99 %, 10 %",
