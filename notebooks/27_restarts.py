@@ -287,7 +287,7 @@ Table(
 # The tables have the share of the members (skies times restarts; above it was one sky, with HEALPix pixels)
 # that fail, here by the mean at $10 < \ell < 200$ or up to the end of the maps, with the 2 sigma Wilson
 # interval, for the readings of {doc}`16_readings` and the numbers of sources of Table 1. Those of the default
-# at `laptop` are of the ledger and of the scan to 20 sources, on other skies. The default and the
+# at `laptop` with the real Galaxy are of the ledger and of the scan to 20 sources, on other skies. The default and the
 # letter differ beyond the last $\ell$ only: their shares differ by chance.
 
 # %% tags=["hide-input"]

@@ -147,26 +147,24 @@ def _corrected(kind, transfer, shown, true):
     residual_power, share = getattr(transfer.residual, kind), getattr(transfer, kind)
     lost = share <= 0
     found = transfer.corrected(kind, getattr(transfer.without_foreground, kind))
-    systematic = quotient(residual_power, share) - found
-    corrected = np.where(lost, 0, found)
     several = len(transfer.mocks) > 1
     expected = np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)
+    within, shares, lost_in = bins @ residual_power[known], bins @ share[known], bins @ lost[known] > 0
     # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
-    within = bins @ residual_power[known]
-    beyond, excess = residual[inside] - within, 0.0
+    scale, noise = residual[inside] / within, 0.0
     if kind == "frequency" and transfer.drawn:
         # Noise beyond lmax is white along frequency; what pixels have more at some k is foreground.
-        excess = beyond - np.median(beyond)
-    scale = 1 + (beyond - excess) / within
+        scale, noise = 1.0, np.median(residual[inside] - within)
+    corrected = bins @ np.where(lost, 0, found)[known] * scale + noise
     return Corrected(
         x=x[inside],
         residual=residual[inside],
-        share=bins @ share[known],
-        corrected=np.where(bins @ lost[known] > 0, np.nan, bins @ corrected[known]) * scale,
+        share=shares,
+        corrected=np.where(lost_in, np.nan, corrected),
         errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
         sample=transfer.sample(kind)[:, known] @ bins.T,
-        expected=bins @ expected[known] * scale,
-        systematic=bins @ systematic[known] * scale + quotient(excess, bins @ share[known]),
+        expected=bins @ expected[known] * scale + noise,
+        systematic=np.where(lost_in, 0, quotient(residual[inside], shares) - corrected),
         truth=np.interp(x[inside], *true, left=np.nan, right=np.nan),
         drawn=transfer.drawn,
     )
