@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from astropy.cosmology import Planck18
 from cube_files import FREQS, N_PIX, NSIDE, power_law_maps, run, write_hdf5
 
 from himap.core.errors import InputError
@@ -101,9 +102,21 @@ class TestMade:
     def test_band_and_box_are_those_of_the_cube(self, cube):
         survey = mock_survey(cube)
         assert survey.freqs == pytest.approx(cube.freqs)
-        assert (survey.nside, survey.n_channels, survey.box_cells) == (NSIDE, 24, 64)
+        assert (survey.nside, survey.n_channels) == (NSIDE, 24)
         low = replace(cube, freqs=np.linspace(500, 600, 24))
         assert mock_survey(low).box_size > 2 * mock_survey(cube).box_size > 5000
+
+    @pytest.mark.parametrize(("width", "coarse"), [(16.0, False), (2.0, False), (0.5, True)])
+    def test_cells_are_no_larger_than_channels_are_deep(self, cube, width, coarse):
+        """Coarser ones smooth HI along the line of sight: of channels of 2 MHz 64 cells leave little."""
+        fine, said = replace(cube, freqs=1000 + width * np.arange(24)), []
+        survey = mock_survey(fine)
+        depths = [Planck18.comoving_distance(1420.4 / (1000 + x) - 1).value for x in (0, width)]
+        depth = 0.6766 * (depths[0] - depths[1])
+        assert bool(survey.box_size / survey.box_cells > 1.1 * depth) is coarse
+        assert survey.box_cells <= 1024 and survey.box_cells >= 4 * NSIDE
+        draw_mocks(fine, np.ones((24, 3 * NSIDE)), 1, tell=said.append)
+        assert len(said) == coarse and all("too little HI at large k" in one for one in said)
 
     def test_beam_noise_and_seeds(self, cube):
         beams = beams_of(cube, "degraded")

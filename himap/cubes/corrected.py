@@ -193,8 +193,9 @@ def remarks_on(corrected):
     remarks = []
     if most:
         remarks.append(
-            f"Most of the residual is foreground in {', '.join(most)}: remove more of it (`himap suggest` "
-            "says how many sources). If more sources do not help, the beam of the cube may be another."
+            f"Most of the residual is unlike the mocks in {', '.join(most)}: foreground, of which more "
+            "sources remove more (`himap suggest` says how many) unless the beam of the cube is another, or "
+            "noise that the mocks lack (--mock-noise)."
         )
     if ratios:
         remarks.append(

@@ -1,6 +1,9 @@
 """Mocks for a cube of one's own: HI that is known, in the channels and pixels of the cube."""
 
+import math
+
 import numpy as np
+from scipy import fft
 
 from himap.core.checks import checked_beams, checked_noise, evenly_spaced, whole_number
 from himap.core.errors import InputError
@@ -13,6 +16,7 @@ from himap.sky.cosmology import HIModel, redshift
 from himap.sky.hi import hi_maps
 
 _CELLS = (64, 1024)  # of a box, along one side: the least, and what fits a workstation
+_DEEP = 1.05  # times the depth of a channel: cells that hold nearly all of its HI
 _ROOM = 1.01  # of the box beyond the band
 _BRIGHT = 0.5  # rms over that of a cube with foreground, which is far brighter than HI
 
@@ -49,7 +53,7 @@ def read_mocks(cube, paths, *, tell=None, **reading):
         yield maps
 
 
-def draw_mocks(cube, beams, n_mocks, *, noise=None):
+def draw_mocks(cube, beams, n_mocks, *, noise=None, tell=None):
     """The maps of lognormal mocks, one after the other, (n_channels, n_seen) float32, mK.
 
     HI as in the simulations of the paper, through the beams, and white noise where its level is given.
@@ -64,6 +68,8 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None):
         How many.
     noise
         Of a pixel, mK, a number or (n_channels,); None for none.
+    tell
+        As in `read_mocks`; of channels that are narrower than the cells of the largest box.
 
     Raises
     ------
@@ -78,6 +84,12 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None):
     beams = checked_beams("beams", beams, len(cube.freqs))
     sigma = checked_noise("noise", noise, len(cube.freqs))
     survey = mock_survey(cube)
+    depth, cell = _channel_depth(survey), survey.box_size / survey.box_cells
+    if tell and cell > _DEEP * depth:
+        tell(
+            f"Channels are {depth:.2g} Mpc/h deep and the cells of the mocks, {survey.box_cells} along a "
+            f"side, {cell:.2g}: they have too little HI at large k; give mocks of your own (--mocks FILE)."
+        )
 
     def mock(rng):
         maps = hi_maps(survey, rng)[np.abs(survey.freqs[:, None] - cube.freqs).argmin(axis=0)]
@@ -97,7 +109,9 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None):
 def mock_survey(cube):
     """The `Survey` that has the channels and pixels of a cube, and a box that holds its band.
 
-    Channels that the file of the cube has, and the cube not, are in it where the others are uneven without.
+    Its cells are no larger than a channel is deep, but for boxes of 1024 cells along a side, and 4 nside of
+    them are one or more. Channels that the file of the cube has, and the cube not, are in it where the others
+    are uneven without.
 
     Raises
     ------
@@ -114,11 +128,19 @@ def mock_survey(cube):
         )
     half = float(freqs[-1] - freqs[0]) / (len(freqs) - 1) / 2
     low, high = float(freqs[0]) - half, float(freqs[-1]) + half
-    cells = int(np.clip(4 * cube.nside, *_CELLS))
     options = {"nside": cube.nside, "n_channels": len(freqs), "freq_min": low, "freq_max": high}
     try:
         reach = float(HIModel().cosmology.comoving_distance(redshift(low)))
         size = max(Survey().box_size, 2 * _ROOM * reach)
-        return Survey(**options, box_cells=cells, box_size=size)
+        across = size / _channel_depth(Survey(**options))
+        cells = max(4 * cube.nside, 2 * fft.next_fast_len(math.ceil(across / 2), real=True))
+        return Survey(**options, box_cells=int(np.clip(cells, *_CELLS)), box_size=size)
     except InputError as error:
         raise InputError(f"no mocks can be made for this cube: {error} Give mocks of your own.") from None
+
+
+def _channel_depth(survey):
+    """Mean comoving depth of the channels of a `Survey`, Mpc/h."""
+    ends = redshift(np.array([survey.freq_min, survey.freq_max]))
+    far, near = HIModel().cosmology.comoving_distance(ends)
+    return float(far - near) / survey.n_channels

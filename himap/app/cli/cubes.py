@@ -106,7 +106,7 @@ def transfer(asked):
     says otherwise.
 
     \b
-    himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 -o transfer.html
+    himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 --mock-noise 0.04 -o transfer.html
     """
     asked.mocks, asked.patches, asked.restarts = asked.mocks or ("10",), False, None
     files = outputs_of(asked, (".csv",))
@@ -215,7 +215,8 @@ def _mocks(cube, beams, asked):
             tell(
                 asked, "The mocks have no noise; noise in the cube counts as foreground without --mock-noise."
             )
-        return draw_mocks(cube, beams, int(numbers[0]), noise=noise)
+        said = functools.partial(tell, asked)
+        return draw_mocks(cube, beams, int(numbers[0]), noise=noise, tell=said)
     if noise is not None:
         raise InputError("--mock-noise is that of mocks that are made; those from files have their own.")
     return read_mocks(cube, words, tell=functools.partial(tell, asked), **asked.reading)
