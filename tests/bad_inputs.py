@@ -303,6 +303,14 @@ add("a.fits", "Stokes parameters of one map", write_fits, "a.fits", good_maps()[
 
 
 # Images with world coordinates.
+def write_two_images():
+    """Data and their errors in one file."""
+    write_image("b.fits", images, kind=fits.ImageHDU, EXTNAME="DATA")
+    with fits.open("b.fits") as hdus:
+        errors = fits.ImageHDU(np.ones_like(images), hdus[1].header, name="ERROR")
+        fits.HDUList([*hdus, errors]).writeto("a.fits")
+
+
 def write_image_folder(axes, **cards):
     os.mkdir("folder")
     write_image("folder/a.fits", images)
@@ -351,12 +359,13 @@ for axes in ("ra,dec", "ra,ra,freq", "time,dec,freq", "pixel,freq", ","):
     add(f"image.fits --axes {axes}", "such as ra,dec,freq")
 up = ("FREQ", 2e9, 1, 2e6, "Hz")
 for message, axes, cards in (
-    ("two channels have the frequency 980 MHz", (*SKY["SIN"], FREQ), {}),
+    ("have the same channel, 980 MHz", (*SKY["SIN"], FREQ), {}),
     ("must have the same axes of the sky", (*SKY["CAR"], up), {}),
     ("must have one unit", (*SKY["SIN"], up), {"BUNIT": "K"}),
     ("only one has an axis FREQ", (*SKY["SIN"], ("", 1, 1, 1, "")), {}),
 ):
     add("folder", message, write_image_folder, axes, **cards)
+add("a.fits", "HDU 1 (DATA) and a.fits, HDU 2 (ERROR) have the same channel, 980 MHz", write_two_images)
 add("image.fits --truth a.fits", "the truth must have the channels and the axes of the sky of the cube",
     write_image, "a.fits", images, axes=(*SKY["CAR"], FREQ))  # fmt: skip
 add("a.fits", "two axes of the sky", lambda: fits.PrimaryHDU(np.ones((24, 10, 10))).writeto("a.fits"))
@@ -625,6 +634,8 @@ for words in (f"--to {10**30}", "--from 24 --to 25"):
 add("suggest good.h5 -p n_sources=3", "--from and --to")
 add("suggest good.h5 --method polynomial", "has no number of sources")
 add("suggest good.h5 --flags bl.npy --method gmca", "takes no weights")
+message = "--period is of an error that oscillates: give --ripple too"
+add("sensitivity good.h5 --method beam_subspace --beam evolving --width 0.01 --period 7", message)
 for command in ("suggest", "sensitivity", "transfer"):
     add(f"{command} good.h5 -o n.png", "the page is a .html file")
 for command in ("claims", "readings"):

@@ -74,13 +74,14 @@ class TestAxes:
 
     @pytest.mark.parametrize("gain", [0, 0.05])
     def test_a_header_that_fits_the_array_turned_round_is_doubted(self, gain, rng):
-        """Of a sky whose lines a few modes would hold; neither growing gaps nor gains of channels are."""
+        """Of a sky whose lines a few modes would hold; neither growing gaps, dead channels nor gains are."""
         y, x = np.mgrid[:N_Y, :N_X]
         sky, spectrum = 4 + np.sin(x / 3) + np.cos(y / 3), (MHZ / 1e3) ** -2.7
         spectrum = spectrum * (1 + gain * rng.standard_normal(N_CHANNELS))
         images = 1e3 * spectrum[:, None, None] * sky + 0.3 * rng.standard_normal((N_CHANNELS, N_Y, N_X))
         self.write(images, (*SKY["ZEA"], FREQ))
         assert "--axes ra,dec,freq" in " ".join(read_cube("turned.fits").remarks)
+        images[5] = 7  # a dead channel
         for n, image in enumerate(images):
             image[:, : 1 + (N_CHANNELS - n) // 4] = np.nan
         assert "--axes" not in " ".join(read_cube(write_image("right.fits", images)).remarks)
@@ -90,7 +91,10 @@ class TestAxes:
         write_image("a.fits", images, axes=(*SKY["SIN"], (kind, 0.0, 1.0, 1.0, "")))
         with pytest.raises(InputError, match="a.fits does not state its frequencies"):
             read_cube("a.fits")
+        uneven = read_cube("a.fits", freqs=MHZ + (np.arange(N_CHANNELS) == 3))
+        assert "no axis of an image states" in " ".join(uneven.remarks)
         cube = read_cube("a.fits", freqs=MHZ[::-1])
+        assert "no axis of an image states" not in " ".join(cube.remarks)
         assert np.array_equal(cube.maps.reshape(images.shape), images[::-1])
         with pytest.raises(InputError, match="a.fits.*20 channels, got 16.*--axes"):
             read_cube("a.fits", freqs=MHZ[:16])

@@ -3,7 +3,7 @@
 import csv
 import html
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import h5py
@@ -89,7 +89,8 @@ class TestCleaning:
         history = "".join("".join(fits.getheader(tmp_path / "c.fits", 1)["HISTORY"]).split())
         table = (tmp_path / "c_mixing.txt").read_text()
         said = [one for one in done.stderr.splitlines() if not one.endswith(" remain")]  # progress, if slow
-        for one in said:
+        parameters = json.dumps(asdict(removal.create(name, n_sources=2)))
+        for one in (*said, f"parameters: {parameters}"):
             assert "".join(one.split()) in history and f"# {one}\n" in table
 
     def test_a_cube_with_holes_by_a_method_that_looks_at_the_sky(self, maps, cube, tmp_path):

@@ -79,9 +79,12 @@ def remark_on_axes(maps, pixels):
 
 
 def _roughness(lines):
-    """Share of the power of lines (n, n_lines) that their mean times a parabola leaves; 1 of few places."""
+    """Share of the power of lines (n, n_lines) that their mean times a parabola leaves; 1 of few places.
+
+    Places without any value, or with one everywhere, as a dead channel, do not count.
+    """
     seen = is_seen(lines)
-    some = seen.any(axis=1)
+    some = np.where(seen, lines, -np.inf).max(axis=1) > np.where(seen, lines, np.inf).min(axis=1)
     lines = lines[some][:, seen[some].all(axis=0)]  # those that are seen wherever any is
     if len(lines) <= 2 * _N_FITTED or not lines.any():
         return 1.0

@@ -211,11 +211,12 @@ def corrected_table(corrected):
     """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`.
 
     Error bar, systematic error and sample variance are relative to the corrected power. The pull is
-    (corrected - truth) / error bar; of the total pull this has the systematic error too, in quadrature.
-    Where foregrounds were not drawn (`CubeTransfer`) that is not known.
+    (corrected - truth) / error bar; of the total pull this has the systematic error too, in quadrature. Both
+    are of the part of the band where the truth is known. Where foregrounds were not drawn (`CubeTransfer`)
+    the systematic error is not known.
     """
     knows = corrected["angular"].knows_truth
-    rows, header = [], HEADER + (HEADER_OF_TRUTH if knows else ())
+    rows, truncated, header = [], [], HEADER + (HEADER_OF_TRUTH if knows else ())
     for name, (one, inside) in in_bands(corrected).items():
         bar, systematic, sample = one.errors_in(inside)
         row = [name, f"{one.share[inside].mean():.4f}"]
@@ -223,12 +224,18 @@ def corrected_table(corrected):
         row += [f"{bar:.2%}" if np.isfinite(bar) else "needs two mocks"]
         row += [f"{systematic:.2%}" if one.drawn else "not known", f"{sample:.2%}"]
         if knows:
-            ratios = [np.mean(power[inside] / one.truth[inside]) for power in (one.residual, one.corrected)]
+            known = inside & np.isfinite(one.truth)
+            truncated += [name] * bool(known.any() and (known != inside).any())
+            ratios, bar, systematic = [np.nan] * 2, np.nan, np.nan
+            if known.any():
+                ratios = [np.mean(power[known] / one.truth[known]) for power in (one.residual, one.corrected)]
+                bar, systematic, _ = one.errors_in(known)
             total = np.hypot(bar, systematic) if one.drawn else np.nan
             pulls = [(ratios[1] - 1) / sigma for sigma in (bar, total)]
             row += [*map("{:.4f}".format, ratios), *map("{:+.1f}".format, pulls)]
         rows.append(["–" if "nan" in cell else cell for cell in row])
-    return Table(header, rows, align="l" + "r" * (len(header) - 1))
+    note = f"The truth is known in a part of {', '.join(truncated)}: up to l = 2 nside." if truncated else ""
+    return Table(header, rows, align="l" + "r" * (len(header) - 1), note=note)
 
 
 def correlation_table(corrected):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from himap.core.checks import in_mhz, real_array
+from himap.core.checks import evenly_spaced, in_mhz, real_array
 from himap.core.errors import InputError
 from himap.core.reading import format_of, mapped_array, read_array, read_numbers, reading, regular_file
 from himap.cubes import fits, hdf5
@@ -219,8 +219,9 @@ def _with_freqs(path, n_channels, layout, freqs):
     if freqs is None:
         how = " Names of files state them where each has one number in MHz or GHz, as map_950.5MHz.fits has."
         raise InputError(
-            f"{path} does not state its frequencies; give them with freqs= (--freqs FILE), MHz, or name "
-            f"their dataset (--freqs-name).{how * bool(layout.names)}"
+            f"{path} does not state its frequencies; give them with freqs= (--freqs FILE), MHz"
+            f"{', or name their dataset (--freqs-name)' * (format_of(path) == 'HDF5')}."
+            f"{how * bool(layout.names)}"
         )
     if freqs.shape != (n_channels,):
         raise InputError(
@@ -233,6 +234,10 @@ def _with_freqs(path, n_channels, layout, freqs):
             check_names(layout.names, freqs)
         ends = (f"{layout.names[n]} ({freqs[n]:.10g} MHz)" for n in (0, -1))
         remarks = (f"The first of its files is {', the last '.join(ends)}.", *remarks)
+    parts = getattr(layout.pixels, "parts", ())
+    if len(parts) == 1 and parts[0].freqs is None and len(freqs) > 2 and not evenly_spaced(np.sort(freqs)):
+        uneven = "the channels are unevenly spaced, which no axis of an image states: results in HDF5 do."
+        remarks = (*remarks, uneven)
     return replace(layout, freqs=freqs, freqs_from=layout.freqs_from or given_from, remarks=remarks)
 
 

@@ -122,6 +122,14 @@ def _read_images(paths, axes):
     for path in paths:
         with _opened(path) as file:
             parts += _parts(path, file, axes=axes, remarks=remarks, alone=len(paths) == 1)
+    channels = {}
+    for part in parts:
+        for freq in () if part.freqs is None else part.freqs:
+            if (other := channels.setdefault(freq, part)) is not part:
+                raise InputError(
+                    f"{other} and {part} have the same channel, {freq:g} MHz: write the one to clean to a "
+                    "file of its own, or correct what states the frequencies (CRVAL, CDELT)."
+                )
     pixels, where = _pixels_of(parts), paths[0].parent if len(paths) > 1 else paths[0]
     same = partial(only_value, where, names=[*map(str, parts)])
     unit = same("unit", [card_text(part.header, "BUNIT") for part in parts])

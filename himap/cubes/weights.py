@@ -79,7 +79,8 @@ def _values(given, word, layout, shape, rotate):
         voxels = f", or of its voxels, {shape}, all channels in its file included"
         raise InputError(
             f"{label} must be{' one map' * (word == 'mask')} of the pixels of the cube, ({shape[1]},)"
-            f"{voxels * (word != 'mask')}; got {values.shape}. healpy.ud_grade changes nside."
+            f"{voxels * (word != 'mask')}; got {values.shape}."
+            f"{' healpy.ud_grade changes nside.' * own.whole_sky}"
         )
     is_right = (values >= 0) & np.isfinite(values) if word == "weights" else np.isin(values, (0, 1))
     if not is_right.all():

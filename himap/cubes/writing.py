@@ -122,11 +122,13 @@ def write_cleaned(cleaned, paths, *, said=None):
     """Write a `CleanedCube` to files, `paths` as of `check_output`.
 
     What was assumed (`said`, sentences; default: those of the cube) and the remarks on the result go into the
-    attribute `remarks` of HDF5, HISTORY of FITS, and the head of the table.
+    attribute `remarks` of HDF5, HISTORY of FITS, and the head of the table. So do the parameters of the
+    method, which HDF5 has as the attribute `parameters`, in JSON.
     """
     sentences = [*(cleaned.cube.said if said is None else said), *cleaned.remarks]
     cube, layout, mixing = cleaned.cube, cleaned.cube.layout, cleaned.separation.mixing
     about = {"method": cleaned.method.name, "himap": __version__}
+    parameters = json.dumps(asdict(cleaned.method))
     if cleaned.ensemble is not None:  # which of several restarts, of how many, and how many look failed
         about |= {"restart": cleaned.method.restart, "restarts": len(cleaned.ensemble.members)}
         about |= {"failed": sum(map(bool, cleaned.ensemble.flags))}
@@ -134,11 +136,12 @@ def write_cleaned(cleaned, paths, *, said=None):
     as_given = ((name, layout.as_given(maps, cube.mask)) for name, maps in cubes.items())  # one at a time
     if ending_of(paths[0]) in (".h5", ".hdf5"):
         try:
-            _write_hdf5(cleaned, paths[0], as_given, about, sentences)
+            _write_hdf5(cleaned, paths[0], as_given, about | {"parameters": parameters}, sentences)
         except RuntimeError as error:  # what h5py raises for a full disk when a file is closed
             raise OSError(str(error)) from None
         return
     *targets, table = paths
+    sentences = [f"parameters: {parameters}", *sentences]
     for target, (name, maps) in zip(targets, as_given, strict=True):
         if ending_of(target) == ".npy":
             with open(target, "wb") as file:  # np.save adds .npy to a name that ends with .NPY
@@ -163,7 +166,6 @@ def _write_hdf5(cleaned, path, as_given, about, sentences):
         file.create_dataset("mixing", data=rows).attrs["rows"] = (
             "those of freqs; NaN of channels without data"
         )
-        about |= {"parameters": json.dumps(asdict(cleaned.method))}
         about |= {"remarks": shortened("\n".join(map(plain_text, sentences)))}
         attributes, datasets = layout.pixels.in_hdf5(layout)
         for name, values in datasets.items():

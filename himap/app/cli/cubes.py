@@ -270,7 +270,7 @@ def suggest(asked):
     option(
         "--ripple", "ripples", type=float, multiple=True, help="Of an error that oscillates; 1e-5 to 1e-3."
     ),
-    option("--period", type=float, default=20.0, show_default=True, help="Of that, MHz."),
+    option("--period", type=float, help="Of that, MHz; 20 unless given."),
     option("-o", "--output", metavar="FILE", help="Page with the figure, .html."),
     short_help="Measure how far the residual of CUBE depends on its beam.",
 )
@@ -289,6 +289,10 @@ def sensitivity(asked):
     if "beams" not in remover.uses:
         raise InputError(f"{remover.name} does not use the beam: no error of it changes the residual.")
     errors = {"widths": asked.widths, "ripples": asked.ripples} if asked.widths or asked.ripples else {}
+    if asked.period is None:
+        asked.period = 20.0
+    elif asked.widths and not asked.ripples:
+        raise InputError("--period is of an error that oscillates: give --ripple too, or leave it out.")
     cube, beams = _cube_and_beams(asked, remover)
     measured.perturbed_beams(asked.beam, cube.freqs, **errors, period=asked.period)  # before the work
     cleaned = clean_cube(cube, remover, beams=beams, peaks=asked.peaks, restarts=1)
