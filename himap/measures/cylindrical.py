@@ -45,7 +45,8 @@ def cylindrical_power(maps, cell, *, mask=None, most=np.inf):
     """The `CylindricalPower` of maps, less the mean of every channel.
 
     Modes with k_perp = 0, which those means are, and with k_par = 0 are excluded, and so are those beyond the
-    bin of the smaller of the Nyquist wavenumbers across.
+    bin of the smaller of the Nyquist wavenumbers across. With a mask W the means have a share of
+    |W(k_perp) / W(0)|^2 of the power of white noise in other modes too, which is restored.
 
     Parameters
     ----------
@@ -90,13 +91,14 @@ def cylindrical_power(maps, cell, *, mask=None, most=np.inf):
 
     total = along @ np.array([across(plane.real**2 + plane.imag**2) for plane in modes])
     in_row, in_column = along.sum(axis=1), across(np.ones(k_perp.shape))
+    with_means = across(1 - np.abs(fft.fft2(seen) / seen.sum()) ** 2)  # how many modes they leave
     n_modes = np.outer(in_row, in_column.astype(int))
     return CylindricalPower(
         k_perp=quotient(across(k_perp), in_column, np.nan),
         k_par=quotient(along @ k_par, in_row, np.nan),
         perp_edges=perp_edges,
         par_edges=par_edges,
-        power=norm * quotient(total, n_modes, np.nan),
+        power=norm * quotient(total, np.outer(in_row, with_means), np.nan),
         n_modes=n_modes,
     )
 
