@@ -99,8 +99,8 @@ first = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
 # Through the oscillating beam PCA with the paper's number has foreground residual (above 1); the others have
-# signal loss (below 1), SDecGMCA where its run does not fail, which it can through this beam and through the
-# evolving one. In all figures ratios are linear near 1 and logarithmic beyond,
+# signal loss (below 1), and so has SDecGMCA where its run does not fail. A run can fail through the evolving beam
+# too. In all figures ratios are linear near 1 and logarithmic beyond,
 # and the grey band is 10 %.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "C/C0 of each method, on the first sky, through each beam. Numbers of sources as in the legend, one for each beam where they differ. SDecGMCA: one run in the default reading."}}
