@@ -46,7 +46,7 @@ def cylindrical_power(maps, cell, *, mask=None, most=np.inf):
 
     Modes with k_perp = 0, which those means are, and with k_par = 0 are excluded, and so are those beyond the
     bin of the smaller of the Nyquist wavenumbers across. With a mask W the means have a share of
-    |W(k_perp) / W(0)|^2 of the power of white noise in other modes too, which is restored.
+    ``|W(k_perp) / W(0)|^2`` of the power of white noise in other modes too, which is restored.
 
     Parameters
     ----------
