@@ -64,6 +64,7 @@ from himap.paper import readings_table
 from himap.paper.authors_code import ITERATIONS, VARIANTS, AuthorsCode
 from himap.paper.claims import CLAIMS, UNDECIDED
 from himap.paper.experiments import find_experiment
+from himap.paper.ledger_table import BADGES
 from himap.paper.readings import (
     BANDS,
     FAILING,
@@ -167,9 +168,9 @@ quote(
 
 # %% tags=["hide-input"]
 def verdict(label, claim):
-    """On a claim under a reading; empty if it was not judged."""
+    """The sign of that on a claim under a reading, as in the figure; empty if it was not judged."""
     judged = outcomes[label].entries if label in outcomes else {}
-    return judged[claim].verdict if claim in judged else ""
+    return BADGES[judged[claim].verdict][0] if claim in judged else ""
 
 
 several = "no single one"

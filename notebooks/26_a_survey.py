@@ -44,6 +44,7 @@ preset: str = "quick"  # ci, quick, laptop or paper
 survey: dict = {
     "freq_min": 971.0,
     "freq_max": 1075.0,
+    "n_channels": 26,
     "n_dishes": 64,
     "t_obs": 62.0,
     "f_sky": 0.0074,
