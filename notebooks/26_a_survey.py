@@ -44,7 +44,6 @@ preset: str = "quick"  # ci, quick, laptop or paper
 survey: dict = {
     "freq_min": 971.0,
     "freq_max": 1075.0,
-    "n_channels": 26,
     "n_dishes": 64,
     "t_obs": 62.0,
     "f_sky": 0.0074,
@@ -70,13 +69,13 @@ import numpy as np
 
 from himap.core.checks import whole_number, with_fields
 from himap.core.errors import InputError
-from himap.cubes import beams_of, clean_cube, read_cube
-from himap.cubes.mocks import draw_mocks
+from himap.cubes import clean_cube, read_cube
 from himap.figures import plotting, styles
 from himap.figures.numbers import quote, show, show_table
 from himap.instrument.beams import named
 from himap.measures import diagnostics
 from himap.paper.patch import Patch, PatchPower, interpolated, noise_by_hits, patch_sky
+from himap.paper.pipeline import hi_seen
 from himap.paper.study import Study
 
 selected, field = named(beam), with_fields(Patch, patch)
@@ -84,7 +83,7 @@ study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
 nside, n_channels = study.survey.nside, study.survey.n_channels
-_ = whole_number("bin_width", bin_width, 1, 2 * nside)
+_ = whole_number("bin_width", bin_width, 1, 2 * nside), whole_number("n_mocks", n_mocks, 1, 1000)
 
 # %% [markdown]
 # ## The survey
@@ -331,11 +330,13 @@ study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selecte
 # residual.
 
 # %%
-windows = beams_of(cube, selected)
 drawn = np.random.default_rng(7)
+others = [replace(study, overrides=survey | {"seed": study.survey.seed + 1 + n}) for n in range(n_mocks)]
 mocks = [
-    mock + noise_by_hits(study.survey, hits, drawn)[np.ix_(cube.layout.channels, cube.mask)]
-    for mock in draw_mocks(cube, windows, n_mocks)
+    (hi_seen(other.case(selected)) + noise_by_hits(other.survey, hits, drawn))[
+        np.ix_(cube.layout.channels, cube.mask)
+    ]
+    for other in others
 ]
 put_in = [on_grid(mock) for mock in mocks]
 of_mocks = [power.alms(mock) for mock in put_in]
