@@ -78,7 +78,7 @@ class TestWrite:
         assert [sky.survey.seed for sky in seen[0]] == [7, 8]
         assert re.search(r"^D1 +degraded +undecided +PCA/ICA a 100%; SD a 50% \(0% to 100%\)", out, re.M)
         assert "1 undecided, 1 not reproduced" in out
-        assert "Too coarse to judge: D1, E2, O3," in out and "end at l = 64 and not at 200" in out
+        assert "Too coarse to judge: D1, E1, E2, O1, O3," in out and "end at l = 64 and not at 200" in out
         path = Path("results/claims_ci_n_realisations=2_seed=7.json")
         assert f"{path}  (" in out
         record = stored(path)
