@@ -56,7 +56,8 @@ def read_mocks(cube, paths, *, tell=None, **reading):
 def draw_mocks(cube, beams, n_mocks, *, noise=None, tell=None):
     """The maps of lognormal mocks, one after the other, (n_channels, n_seen) float32, mK.
 
-    HI as in the simulations of the paper, through the beams, and white noise where its level is given.
+    HI as in the simulations of the paper, through the beams, and white noise where its level is given. The
+    box is as fine as the channels: of 1 MHz it takes some minutes and up to 9 GB of memory for each mock.
 
     Parameters
     ----------
