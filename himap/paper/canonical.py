@@ -229,7 +229,7 @@ _RESIDUALS = dict.fromkeys(
     ),
     3e-4,
 )
-RTOLS = _RESIDUALS | {"analysis": 1e-3, "gnilc": 1e-3, "gaussian_process": 1e-3}
+RTOLS = _RESIDUALS | {"analysis": 1e-3, "gnilc": 1e-3, "gaussian_process": 1e-3, "foreground_like": 1e-4}
 RTOLS |= (
     {"resampled": 3e-3, "foreground_left": 3e-3}
     | {one.measure.name: 3e-3 for one in _EXPERIMENTS}
