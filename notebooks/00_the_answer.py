@@ -70,7 +70,7 @@
 # | not reproduced | all that apply are not reproduced |
 # | undecided | any other |
 #
-# Behind a verdict stands how many of the claims' main parts on SDecGMCA (SD) hold.
+# Each verdict is followed by how many of the claims' main parts on SDecGMCA (SD) hold.
 #
 # The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and
 # restarts, the second of {glue:text}`answer_large_restarts` restarts on one sky at the paper's size (`nside`
@@ -286,7 +286,7 @@ claims_of(3)
 # {glue:text}`answer_excess` its excess at low $k_\nu$; at the paper's size
 # {glue:text}`answer_large_peak` and {glue:text}`answer_large_excess` of the restarts. That SDecGMCA suppresses
 # the peak, as the conclusion says, holds: in {glue:text}`answer_lowest` of the members its $P/P_0$ there is the
-# lowest; what O4 lacks are members with a peak. Beyond
+# lowest; O4 also asks for a peak, which most members do not have. Beyond
 # $\ell = 200$ O6 is judged with the regularised inversion, not the default's projection. {doc}`27_restarts`
 # has the probability of failure, {doc}`16_readings` the dependence on the reading.
 #

@@ -20,7 +20,6 @@ from himap.cubes import cleaning
 COMMANDS = ("clean", "suggest", "sensitivity", "transfer", "measure")
 LONGEST = 5000  # characters of what is said
 SECONDS = 20
-FIXED = settings(deadline=None, derandomize=True, database=None)
 SOURCES = {  # by the part that says what the rest is: (words of the command, its length in bytes)
     "good.h5": (["good.h5"], 2400),
     "good.fits": (["good.fits"], 2880 * 4),
@@ -101,7 +100,7 @@ def test_by_hand(words, message, write, here):
     assert contents(here) == before
 
 
-@settings(FIXED, max_examples=60)
+@settings(max_examples=60)
 @given(st.text(max_size=300), st.sampled_from(["", "--freqs", "--mask", "--weights", "--truth", "--maps"]))
 def test_names_that_nobody_has(name, option):
     """Whatever is in them: of the cube, of other files, of datasets."""
@@ -139,7 +138,7 @@ def test_damaged_files(source, good, here):
     words, head = SOURCES[source]
     data = (good / source).read_bytes()
 
-    @settings(FIXED, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
+    @settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])
     @given(damage(min(head, len(data))))
     def refused_or_read(found):
         kind, damaged = found

@@ -190,7 +190,7 @@ def test_what_was_written_is_read_again(kind, ending, tmp_path):
         assert ending == "h5" or fits.getdata(target, "BEAMS")["BMAJ"].tolist() == [1] * 9
 
 
-FEW = settings(deadline=None, derandomize=True, database=None, max_examples=8)
+FEW = settings(max_examples=8)
 UNITS, ENDINGS = st.sampled_from([*MILLIKELVIN]), st.sampled_from(["fits", "h5"])
 FRAMES = st.sampled_from(["G", "galactic", "C", "ICRS", "E", "FK4", None])
 SPECTRAL = st.sampled_from([None, "TOPOCENT", "LSRK", "BARYCENT"])

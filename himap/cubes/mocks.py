@@ -12,6 +12,7 @@ from himap.core.survey import Survey
 from himap.cubes.files import read_truth
 from himap.cubes.spectra import check_truth
 from himap.maps import sphere
+from himap.measures.cylindrical import cell_of
 from himap.sky.cosmology import HIModel, redshift
 from himap.sky.hi import hi_maps
 
@@ -85,7 +86,8 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None, tell=None):
     beams = checked_beams("beams", beams, len(cube.freqs))
     sigma = checked_noise("noise", noise, len(cube.freqs))
     survey = mock_survey(cube)
-    depth, cell = _channel_depth(survey), survey.box_size / survey.box_cells
+    (depth,), _ = cell_of(survey.freqs, ())
+    cell = survey.box_size / survey.box_cells
     if tell and cell > _DEEP * depth:
         tell(
             f"Channels are {depth:.2g} Mpc/h deep and the cells of the mocks, {survey.box_cells} along a "
@@ -133,15 +135,8 @@ def mock_survey(cube):
     try:
         reach = float(HIModel().cosmology.comoving_distance(redshift(low)))
         size = max(Survey().box_size, 2 * _ROOM * reach)
-        across = size / _channel_depth(Survey(**options))
-        cells = max(4 * cube.nside, 2 * fft.next_fast_len(math.ceil(across / 2), real=True))
+        (depth,), _ = cell_of(freqs, ())
+        cells = max(4 * cube.nside, 2 * fft.next_fast_len(math.ceil(size / depth / 2), real=True))
         return Survey(**options, box_cells=int(np.clip(cells, *_CELLS)), box_size=size)
     except InputError as error:
         raise InputError(f"no mocks can be made for this cube: {error} Give mocks of your own.") from None
-
-
-def _channel_depth(survey):
-    """Mean comoving depth of the channels of a `Survey`, Mpc/h."""
-    ends = redshift(np.array([survey.freq_min, survey.freq_max]))
-    far, near = HIModel().cosmology.comoving_distance(ends)
-    return float(far - near) / survey.n_channels
