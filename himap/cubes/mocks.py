@@ -135,7 +135,7 @@ def mock_survey(cube):
     try:
         reach = float(HIModel().cosmology.comoving_distance(redshift(low)))
         size = max(Survey().box_size, 2 * _ROOM * reach)
-        (depth,), _ = cell_of(freqs, ())
+        (depth,), _ = cell_of(Survey(**options).freqs, ())
         cells = max(4 * cube.nside, 2 * fft.next_fast_len(math.ceil(size / depth / 2), real=True))
         return Survey(**options, box_cells=int(np.clip(cells, *_CELLS)), box_size=size)
     except InputError as error:
