@@ -13,6 +13,7 @@ from himap.core.errors import InputError
 from himap.maps import sphere
 from himap.measures.transfer import expected_mock_power
 from himap.removal.base import SeparationWarning
+from himap.removal.harmonic import to_modes
 from himap.removal.pca import PCA
 from himap.removal.smooth_spectra import (
     SmoothSpectra,
@@ -69,6 +70,13 @@ class TestHI:
         for n_sources in (3, 6):
             found = cleaned(sky, n_sources=n_sources)
             assert power_ratio(found.residual, sky.truth, 5, 30) > 0.98
+
+    def test_the_lowest_band_has_no_monopole(self, rng):
+        """Channel means are subtracted: 24 modes at l < 5, and not 25 of which one is nothing."""
+        sky = make_sky(rng, brightness=1e-9)
+        modes = to_modes(np.array(list(map(sphere.analyse, sky.maps))), 1, 4)
+        found = np.trace(cleaned(sky).separation.filter.faint[0])
+        assert found == pytest.approx(np.sum(modes**2) / 24, rel=0.02)
 
     def test_more_spectra_than_there_are_do_no_harm(self, sky):
         three, six = (cleaned(sky, n_sources=n).residual for n in (3, 6))

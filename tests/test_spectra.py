@@ -111,10 +111,14 @@ def test_weights_count_once_in_the_frequency_spectrum(rng):
 
 
 def test_bins(rng):
+    """They begin at l = 2, so that none that is compared has a lower l, and no l from 2 on is in none."""
     maps = rng.standard_normal((1, N_PIX))
     fine, coarse = angular_power(maps), angular_power(maps, bin_width=10)
-    assert coarse.degrees[:2] == pytest.approx([0, 5.5])
-    assert coarse.cl[0, 1] == pytest.approx(fine.cl[0, 1:11].mean())
+    assert fine.degrees == pytest.approx(np.arange(LMAX + 1))
+    assert coarse.degrees[:3] == pytest.approx([0.5, 6.5, 16.5])
+    assert coarse.cl[0, 1] == pytest.approx(fine.cl[0, 2:12].mean())
+    masked = angular_power(maps, mask=CUT)  # with 1 / f_sky of two
+    assert masked.degrees[:3] == pytest.approx([0.5, 2.5, 4.5])
 
 
 @pytest.mark.parametrize("n_channels", [20, 21])

@@ -33,8 +33,12 @@ def mask_weights(mask, n_pix):
 
 
 def bin_matrix(lmax, width):
-    """Averages over bins of `width` multipoles, (n_bins, lmax + 1); l = 0 is a separate bin."""
-    edges = np.concatenate([[0], np.arange(1, lmax + 1, width), [lmax + 1]])
+    """Averages over bins of `width` multipoles from l = 2 on, (n_bins, lmax + 1).
+
+    Before them is one bin of l = 0 and 1, or one of each if `width` is 1: spectra are compared from l = 2.
+    """
+    first = [0, 1] if width == 1 else [0]
+    edges = np.concatenate([first, np.arange(2, lmax + 1, width), [lmax + 1]])
     if edges[-1] - edges[-2] < width and len(edges) > 3:
         edges = np.delete(edges, -2)  # the last bin takes the remainder
     degree = np.arange(lmax + 1)

@@ -86,7 +86,8 @@ def angular_power(maps, *, mask=None, bin_width=None):
     With a mask the pseudo-C_l are decoupled by the mask's mode-coupling matrix (MASTER, Hivon et al.
     2002), in bins of l. If the binned matrix cannot be inverted reliably, a warning is given and
     the pseudo-C_l are divided by the kept fraction of the sky, the mean of the squared weights, instead.
-    The mean over the mask is removed from every channel and not restored: C_l at l = 0 then has no meaning.
+    The mean over the mask is removed from every channel and not restored: the bin of l = 0 and 1, or l = 0
+    where each l is a bin, then has no meaning.
     Those of a spectrum that falls steeply in a bin are not exactly its mean there: of (l + 3)^-2 the first
     two bins are 10 % low with 30 % of the sky and 25 % with 10 %, further ones 2 to 4 %; ratios to a truth
     with the same mask are right.

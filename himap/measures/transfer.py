@@ -269,14 +269,15 @@ def expected_mock_power(separation, channel_width):
     """The `MockPower` of HI and noise with the covariance C_l of a `FilteredSeparation`: no mocks, no truth.
 
     Of the modes n_l of HI and noise the filter W_l G_l leaves n_l - W_l G_l n_l, whose powers are sums over
-    C_l: those of infinitely many mocks, of a Gaussian field. The filter is held fixed, as a Wiener filter of
-    smooth spectra nearly is. A residual spectrum is to be divided by the share of `cross` alone: it has as
-    much foreground as is missing in `output`, if its covariance is the right one. `channel_width` in MHz.
+    C_l: those of infinitely many mocks, of a Gaussian field less its channel means. The filter is held fixed,
+    as a Wiener filter of smooth spectra nearly is. A residual spectrum is to be divided by the share of
+    `cross` alone: it has as much foreground as is missing in `output`, if its covariance is the right one.
+    `channel_width` in MHz.
     """
     linear, rows = separation.filter, []
     waves = fft.rfft(np.eye(len(linear.spectra[0])), axis=0)
     for degree, (spectra, estimators) in enumerate(zip(linear.spectra, linear.estimators, strict=True)):
-        faint = linear.faint_at(degree)
+        faint = linear.faint_at(degree) * bool(degree)
         keeps = np.eye(len(faint)) - spectra @ estimators
         cross = keeps @ faint
         covariances = faint, cross @ keeps.T, cross

@@ -85,9 +85,10 @@ class SmoothSpectra(ForegroundRemover):
         share = 1 if data.inside is None else data.inside.mean()
         edges, bands = multipole_bands(len(seen) - 1), []
         for first, last in progress(edges, self.name):
-            blocks = [np.array(modes.at(degree)) for degree in range(first, last + 1)]
+            inside = slice(max(first, 1), last + 1)  # means are subtracted
+            blocks = [np.array(modes.at(degree)) for degree in range(inside.start, inside.stop)]
             try:
-                bands.append(_settled(blocks, seen[first : last + 1], freqs, rounding, self.n_sources, share))
+                bands.append(_settled(blocks, seen[inside], freqs, rounding, self.n_sources, share))
             except np.linalg.LinAlgError:
                 raise InputError(
                     f"HI and {self.n_smooth} smooth functions cannot be separated over "
@@ -95,8 +96,10 @@ class SmoothSpectra(ForegroundRemover):
                     f"fewer, such as n_smooth={max(2, self.n_sources, self.n_smooth // 2)}, a wider band, or "
                     "another method."
                 ) from None
-        spectra, faint, amplitudes, converged, n_turns = zip(*bands, strict=True)
-        linear, amplitudes = SpectralFilter.wiener(spectra, faint, edges), np.hstack(amplitudes)
+        axes, faint, amplitudes, converged, n_turns = zip(*bands, strict=True)
+        spectra = [seen[first : last + 1] @ one for (first, last), one in zip(edges, axes, strict=True)]
+        linear = SpectralFilter.wiener(spectra, faint, edges)
+        amplitudes = np.pad(np.hstack(amplitudes), ((0, 0), (1, 0)))
         axes = np.linalg.eigh(amplitudes @ amplitudes.T)[1][:, ::-1][:, : self.n_sources]
         mixing, sources = ordered(smooth_basis(freqs, self.n_smooth) @ axes, axes.T @ amplitudes)
         return FilteredSeparation(
@@ -114,7 +117,7 @@ def _settled(data, seen, freqs, rounding, n_sources, share):
 
     Of X_l, a list of (n_channels, 2 l + 1), and diag(H_l) B, (n_l, n_channels, n_smooth); `rounding` is the
     variance of that of maps, mK^2, `share` that of the sky that is seen, and of the modes that are
-    independent. Returns W_l and C, as in `SpectralFilter`, the amplitudes of the
+    independent. Returns the axes of `_foreground_axes`, C as in `SpectralFilter`, the amplitudes of the
     foreground in B, (n_smooth, n_modes), whether C settled, and the number of turns. C has not settled on HI
     where it is as steep as a foreground: with few channels in a narrow band, or more spectra than n_sources.
     """
@@ -144,7 +147,7 @@ def _settled(data, seen, freqs, rounding, n_sources, share):
     values = np.linalg.eigvalsh(before)
     converged &= bool(values[-1] < _STEEPEST * np.median(values))
     amplitudes = [axes @ (one @ block) for one, block in zip(estimators, data, strict=True)]
-    return spectra, before, np.hstack(amplitudes), converged, n_turns
+    return axes, before, np.hstack(amplitudes), converged, n_turns
 
 
 def _foreground_axes(data, seen, faint, n_sources, share):

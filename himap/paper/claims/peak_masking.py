@@ -203,9 +203,8 @@ def masked_angular(sky):
     """C/C0 improves for every BSS method, most for SD.
 
     The mean |C/C0 - 1| for l < 200 shrinks by more than 1 %, with spectra of the full sky in the bins of the
-    masked ones, from the first that has no l below 2; most is by the largest factor. Each method has the mask
-    of its own errors, where the paper has one mask. Four main parts: PCA/ICA by the worse of the two, GMCA,
-    SD; SD most.
+    masked ones; most is by the largest factor. Each method has the mask of its own errors, where the paper
+    has one mask. Four main parts: PCA/ICA by the worse of the two, GMCA, SD; SD most.
     """
     ratios = _by_mask(sky, angular_band("error", 1, 200), BSS, binned=True)
     parts = (*parts_of(ratios, smaller, "improves"), Part("SD most", sd_least(ratios), method="SD"))
