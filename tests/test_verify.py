@@ -132,6 +132,20 @@ def test_a_method_of_what_a_product_returns_is_called_where_it_is_used(lab):
     assert "base" in moved(stored, fingerprint(other))
 
 
+def test_what_uses_other_numbers_says_nothing_of_equal_ones(lab):
+    """`above` is of `base`, which differs, and of `side`, whose formula is in other words."""
+    side = [
+        ("@product\ndef above", "@product\ndef side():\n    return 2.0 * 3\n\n@product\ndef above"),
+        ("return base(n) + 1", "return base(n) + side()"),
+        ("CALLS = {", 'CALLS = {"side": [lambda: side.compute()], '),
+    ]
+    before, after = lab(*side), lab(*side, OTHER, ("2.0 * 3", "3.0 * 2"))
+    said_by(before)
+    others, said = said_by(after)
+    assert others == ["base"] and "side: the stored numbers" in said
+    assert moved(fingerprint(before), fingerprint(after)) == ["code", "base"]
+
+
 def test_code_that_runs_on_import_and_was_not_there_is_accepted(lab):
     """Such as that of a new module: it has no former digest of its own."""
     before = lab()

@@ -4,8 +4,8 @@
 gave, and the digests of all definitions behind them. Where calls agree, definitions that have another digest
 now count as the former ones (``accepted.json``, `himap.store.fingerprint`), wherever they are used: but for
 those that something uses whose calls differ. So does all behind a product whose calls agree, which may be in
-other modules now. Where calls agree, those of what uses the product must agree too: what a product returns
-may have methods, and these are called elsewhere.
+other modules now. Where calls agree, those of what uses the product must agree too, unless it uses another
+whose calls differ: what a product returns may have methods, and these are called elsewhere.
 """
 
 import json
@@ -71,9 +71,11 @@ def verify(module, *, renew=False, report=print):
     uses = {name: parts[name][0] & agreeing for name in calls if name not in names}
     # Where numbers are renewed, what uses them has other numbers too, and the same code.
     rest = [name for name in uses if uses[name] or (renew and names)]
+    by_themselves = {*others}
     for name, (given, differing) in compared(module, rest).items():
         if differing:
-            others += sorted(uses[name].difference(others))
+            if not parts[name][0] & by_themselves:  # which would be why
+                others += sorted(uses[name].difference(others))
             if renew:
                 probes["calls"][name] = {"gives": given}
             report(f"{name}: {'; '.join(differing[:3])}{', stored' if renew else ''}")
