@@ -57,18 +57,16 @@ from himap.core.checks import whole_number
 from himap.core.errors import InputError
 from himap.figures import plotting, styles
 from himap.figures.numbers import one_run, quote, show, show_table
-from himap.instrument.beams import named
 from himap.measures.diagnostics import BUMP, MSE_DEFINITIONS, mean_squared_error
 from himap.paper import captions
 from himap.paper.claims.base import LOW_K, angular_band, bump, frequency_band
-from himap.paper.methods import paper_beams, sdecgmca_for
+from himap.paper.methods import beam_called, check_reading, sdecgmca_for
 from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import both_figure
 from himap.removal.base import REGISTRY, SeparationWarning
 from himap.removal.restarts import has_restarts
 
-beams = paper_beams(ripple=ripple)
-selected = beams.get(beam) or named(beam)
+selected = beam_called(beam, ripple=ripple)
 study = Study(
     preset=preset,
     overrides=survey,
@@ -105,6 +103,7 @@ def remover(name, n):
 
 
 removers = {selected: [remover(name, n) for name in methods for n in scanned]}
+check_reading(reading, removers[selected])
 study.check(removers)
 warnings.simplefilter("ignore", SeparationWarning)  # which runs did not converge is listed at the end
 stated = {"reading": reading} if "sdecgmca" in methods else {}  # in the lines under the figures

@@ -59,7 +59,6 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.figures import plotting, styles
 from himap.figures.numbers import of_restarts, one_run, quote, show_table
-from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.maps.low_rank import centred
 from himap.measures import diagnostics
@@ -67,13 +66,12 @@ from himap.measures.low_rank_spectra import masked_alms
 from himap.measures.spectra import decouple
 from himap.paper import captions, cleaned, pipeline
 from himap.paper.leakage import error_parts
-from himap.paper.methods import methods_for, paper_beams
+from himap.paper.methods import beam_called, methods_for
 from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import both_figure, ensemble_style
 from himap.removal.base import SeparationWarning
 
-beams = paper_beams(ripple=ripple)
-selected = beams.get(beam) or named(beam)
+selected = beam_called(beam, ripple=ripple)
 study = Study(
     preset=preset,
     overrides=survey,

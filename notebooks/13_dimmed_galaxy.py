@@ -63,13 +63,12 @@ import numpy as np
 
 from himap.figures import plotting, styles
 from himap.figures.numbers import of_restarts, quote, show_table
-from himap.instrument.beams import named
 from himap.maps import sphere
 from himap.measures.diagnostics import inside
 from himap.paper import captions, cleaned, pipeline
 from himap.paper.evidence import dimmed_spectra
 from himap.paper.leakage import error_parts
-from himap.paper.methods import methods_for, paper_beams
+from himap.paper.methods import beam_called, methods_for
 from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import both_figure, ensemble_style
 from himap.removal.base import SeparationWarning
@@ -86,8 +85,7 @@ common = {
     "n_restarts": n_restarts,
 }
 dimming = Dimming(weight=plane_weight, edge=plane_edge)
-beams = paper_beams(ripple=ripple)
-selected = beams.get(beam) or named(beam)
+selected = beam_called(beam, ripple=ripple)
 full, dimmed = Study(**common), Study(**common, dimming=dimming)
 removers = methods_for(selected, n_sources, reading=reading)
 full.check({selected: removers})

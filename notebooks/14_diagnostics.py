@@ -49,17 +49,15 @@ import numpy as np
 
 from himap.figures import plotting, styles
 from himap.figures.numbers import of_restarts, one_run, quote, show_table
-from himap.instrument.beams import named
 from himap.maps.low_rank import centred
 from himap.measures.diagnostics import error_variance
 from himap.paper import captions, pipeline
-from himap.paper.methods import methods_for, paper_beams
+from himap.paper.methods import beam_called, methods_for
 from himap.paper.study import Study, over_restarts
 from himap.paper.study_figures import ensemble_style
 from himap.removal.base import SeparationWarning
 
-beams = paper_beams(ripple=ripple)
-selected = beams.get(beam) or named(beam)
+selected = beam_called(beam, ripple=ripple)
 study = Study(
     preset=preset,
     overrides=survey,

@@ -56,16 +56,14 @@ from himap.cubes import beams_of, clean_cube, read_cube, save_cleaned, suggest
 from himap.cubes.report import compared, maps_figure, modes_figure, spectra_figure
 from himap.cubes.suggestion import advice, views_figure
 from himap.figures.numbers import show, show_table
-from himap.instrument.beams import named
 from himap.measures import diagnostics
 from himap.measures.n_sources import STABLE
-from himap.paper.methods import paper_beams
+from himap.paper.methods import beam_called
 from himap.paper.study import Study
 from himap.removal.base import SeparationWarning
 
 warnings.simplefilter("ignore", SeparationWarning)  # the reports say which methods settle
-beams = paper_beams(ripple=ripple)
-selected = beams.get(beam) or named(beam)
+selected = beam_called(beam, ripple=ripple)
 study = Study(
     preset=preset,
     overrides=survey,

@@ -10,6 +10,7 @@ from scipy import stats
 from skies import mock_power
 
 from himap.core.errors import InputError
+from himap.instrument.beams.paper import Degraded, Oscillating
 from himap.instrument.noise import noise_sigma
 from himap.measures.bootstrap import sigma
 from himap.measures.transfer import TransferFunction
@@ -75,6 +76,18 @@ USUAL = {
             for name in ("transfer", "methods", "n_sources", "beam_errors")
         ),
         ("transfer", {"beam": "square"}, "square"),
+        *(
+            (name, given | {"ripple": "additive"}, "ripple is a reading of the oscillating beam, and")
+            for name, given in (
+                ("transfer", {"beam": "evolving"}),
+                ("methods", {"beams": ["degraded", "evolving"]}),
+                ("n_sources", {"beams": ["degraded"]}),
+            )
+        ),
+        *(
+            (name, {"reading": "code"}, "the reading 'code' is of SDecGMCA, which is not among the methods")
+            for name in ("transfer", "beam_errors", "methods")
+        ),
         ("transfer", {"n_mocks": 1}, "between 2 and 1000"),
         ("beam_errors", {"errors": {"width": [0.1], "colour": [1]}}, "got 'colour'"),
         ("beam_errors", {"errors": {"width": 0.1}}, "a list, such as {'width': [0.01]}, got {'width': 0.1}"),
@@ -101,6 +114,12 @@ def test_bad_settings_are_refused_before_any_work(name, given, message):
     with pytest.raises(InputError) as caught:
         find_experiment(name).skies(**TINY | USUAL[name] | given)
     assert message in str(caught.value)
+
+
+def test_a_ripple_is_of_the_oscillating_beam_among_others():
+    given = {"beams": ["degraded", "Oscillating"], "ripple": "additive"}
+    (sky, *_) = find_experiment("methods").skies(**TINY | USUAL["methods"] | given)
+    assert [case.beam for case in sky.methods] == [Degraded(), Oscillating(ripple="additive")]
 
 
 class TestMaking:

@@ -4,12 +4,10 @@ from dataclasses import dataclass, replace
 
 from himap.core.checks import whole_number
 from himap.core.errors import InputError
-from himap.core.registry import plain_name
 from himap.core.survey import Survey
 from himap.figures import styles
-from himap.instrument.beams import named
 from himap.paper import cleaned, pipeline
-from himap.paper.methods import paper_beams, sdecgmca_for
+from himap.paper.methods import beam_called, check_reading, sdecgmca_for
 from himap.paper.mocks import Mock, first_mocks, own_recovery, recovered, transfer_functions
 from himap.removal import create
 from himap.sky.galaxy import Galaxy
@@ -66,15 +64,21 @@ def cases_of(
 
 
 def cases_and_methods(
-    *, beam="oscillating", ripple="bracket", methods=(("beam_subspace", 3),), reading="default", **settings
+    *,
+    beam="oscillating",
+    other_beams=(),
+    ripple="bracket",
+    methods=(("beam_subspace", 3),),
+    reading="default",
+    **settings,
 ):
     """Cases that differ in their seed only, and the methods that clean them, two lists.
 
-    `ripple` is the reading of the oscillating beam, and `reading` that of SDecGMCA. Methods are pairs (name,
-    number of sources), None for one that has no number. Settings, and what is refused, are as of `cases_of`;
-    so is a survey with a taper.
+    `ripple` is the reading of the oscillating beam, as of `beam_called`, and `reading` that of SDecGMCA.
+    Methods are pairs (name, number of sources), None for one that has no number. Settings, and what is
+    refused, are as of `cases_of`; so are a survey with a taper, and a reading without SDecGMCA.
     """
-    selected = paper_beams(ripple=ripple).get(plain_name(beam)) or named(beam)
+    selected = beam_called(beam, ripple=ripple, others=other_beams)
     cases, removers = cases_of(selected, **settings), []
     cases[0].survey.check_untapered()
     for pair in methods:
@@ -89,6 +93,7 @@ def cases_and_methods(
             remover = sdecgmca_for(selected, n_sources=n_sources, reading=reading)
         remover.check(cases[0].survey.n_channels)
         removers.append(remover)
+    check_reading(reading, removers)
     return cases, removers
 
 

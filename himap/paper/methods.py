@@ -2,6 +2,8 @@
 
 from himap.core.checks import with_fields
 from himap.core.errors import InputError
+from himap.core.registry import plain_name
+from himap.instrument.beams import named
 from himap.instrument.beams.paper import Degraded, Evolving, Oscillating
 from himap.removal import GMCA, PCA, BeamSubspace, FastICA, Parametric, Polynomial, SDecGMCA
 
@@ -20,6 +22,17 @@ def paper_beams(*, ripple="bracket"):
     """The three beams of the paper, {name: `Beam`}; `ripple` is the reading of the oscillating one."""
     beams = Degraded(), Evolving(), Oscillating(ripple=ripple)
     return {beam.name: beam for beam in beams}
+
+
+def beam_called(name, *, ripple="bracket", others=()):
+    """The `Beam` of a name or file, as of `himap.instrument.beams.named`, with that reading of the ripple.
+
+    InputError for a reading that neither this beam has nor, where several are looked at, one of the `others`.
+    """
+    found = paper_beams(ripple=ripple).get(plain_name(name)) or named(name)
+    if ripple != Oscillating().ripple and Oscillating.name not in map(plain_name, (found.name, *others)):
+        raise InputError(f"ripple is a reading of the oscillating beam, and {found} has none: leave it out.")
+    return found
 
 
 def table_1(beam):
@@ -48,6 +61,12 @@ def beam_aware_for(beam, method="sdecgmca", **options):
 def sdecgmca_for(beam, **changed):
     """SDecGMCA with the parameters of Table 1 for a beam, but for `changed`, as of `beam_aware_for`."""
     return beam_aware_for(beam, **changed)
+
+
+def check_reading(reading, methods):
+    """InputError for a reading of SDecGMCA, other than the default, that none of some methods has."""
+    if reading != SDecGMCA().reading and not any(isinstance(one, SDecGMCA) for one in methods):
+        raise InputError(f"the reading {reading!r} is of SDecGMCA, which is not among the methods.")
 
 
 def methods_for(beam, n_sources=None, *, method="sdecgmca", variable="temperature", **options):

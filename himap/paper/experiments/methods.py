@@ -46,7 +46,7 @@ def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
     for place, beam in enumerate(beams):
         pairs = [_of_beam(pair, place, len(beams)) for pair in methods]
         pairs = [pair for n, pair in enumerate(pairs) if pair not in pairs[:n]]
-        observed.append(grid.cases_and_methods(beam=beam, methods=pairs, **settings))
+        observed.append(grid.cases_and_methods(beam=beam, other_beams=beams, methods=pairs, **settings))
     there = {remover.name for _, removers in observed for remover in removers}
     if unknown := {*map(str, corrected)} - there:
         absent, present = (", ".join(sorted(names)) for names in (unknown, there))

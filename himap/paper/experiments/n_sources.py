@@ -59,7 +59,7 @@ def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
     removers = [create(name, n_sources=n) for name in dict.fromkeys(methods) for n in counts]
     observed = []
     for beam in beams:
-        cases, _ = cases_and_methods(beam=beam, methods=(), **settings)
+        cases, _ = cases_and_methods(beam=beam, other_beams=beams, methods=(), **settings)
         for remover in removers:
             remover.check(cases[0].survey.n_channels)
         for noise in noises:
