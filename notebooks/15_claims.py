@@ -259,8 +259,6 @@ Markdown(ledgers_table([(recorded, about), longer], lambda several: several[0].c
 # - G3, G4, M5: the range of $\ell$ cannot grow for a method that recovers nearly all of it without a mask. The
 #   same is true of the range of $k_\nu$ in M5: below $0.03$ every method loses power (D3), and most members
 #   recover all that is above.
-# - M4, M5: the masked spectra begin at $\ell = 3$, their first whole bin, and spectra without the mask are
-#   compared from there. In some members SDecGMCA deviates most at $\ell = 2$.
 # - V6: the median of $P/P_0$ over all $k_\nu$ hardly sees what happens at the lowest. Restarts that the scatter
 #   is compared with are the next ones of the same sky, which members of a sky share: these are not independent.
 # - Total MSE (N1, N4, B1, G1): at four or five sources most of it is the power at the lowest two $k_\nu$, which
