@@ -123,7 +123,8 @@ def correct(cleaned, transfer, spectra, truth=None):
     true = dict.fromkeys(shown, ([0], [np.nan]))
     if truth is not None:
         true = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
-    return {kind: _corrected(kind, transfer, shown[kind], true[kind]) for kind in shown}
+    ends = cleaned.separation.lmax is not None
+    return {kind: _corrected(kind, transfer, shown[kind], true[kind], ends) for kind in shown}
 
 
 def _ends(middles):
@@ -132,10 +133,11 @@ def _ends(middles):
     return np.array([ends[:-1], ends[1:]])
 
 
-def _corrected(kind, transfer, shown, true):
+def _corrected(kind, transfer, shown, true, ends):
     """The `Corrected` of one spectrum, in the bins that are `shown`, by a `CubeTransfer`.
 
-    `shown` and `true` are places, l or k, and the power there, of the residual and of the truth.
+    `shown` and `true` are places, l or k, and the power there, of the residual and of the truth; `ends`
+    whether the residual ends at some l.
     """
     x, residual = shown
     known = slice(2, None) if kind == "angular" else slice(1, None)
@@ -150,11 +152,14 @@ def _corrected(kind, transfer, shown, true):
     several = len(transfer.mocks) > 1
     expected = np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)
     within, shares, lost_in = bins @ residual_power[known], bins @ share[known], bins @ lost[known] > 0
-    # The power of pixels and of coefficients to lmax differ, and that of a mask: for all spectra alike.
+    # C_l of coefficients is that of a mask: for all spectra alike.
     scale, noise = residual[inside] / within, 0.0
-    if kind == "frequency" and transfer.drawn:
-        # Noise beyond lmax is white along frequency; what pixels have more at some k is foreground.
-        scale, noise = 1.0, np.median(residual[inside] - within)
+    if kind == "frequency" and (transfer.drawn or not ends):
+        # Pixels have more than coefficients to lmax, HI and noise as those of mocks, and unlike a residual.
+        in_pixels = bins @ transfer.in_pixels.mean(axis=0)[known]
+        scale = 1.0 if transfer.drawn else quotient(in_pixels, bins @ expected[known])
+        # Further noise is white along frequency; what pixels have more at some k is foreground.
+        noise = np.median(residual[inside] - within * scale)
     corrected = bins @ np.where(lost, 0, found)[known] * scale + noise
     return Corrected(
         x=x[inside],

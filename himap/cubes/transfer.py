@@ -12,6 +12,7 @@ from himap.cubes.brightness import Parts
 from himap.maps import sphere
 from himap.maps.low_rank import LowRankCube
 from himap.measures.low_rank_spectra import FAINT, masked_alms
+from himap.measures.spectra import frequency_power
 from himap.measures.transfer import (
     HarmonicPower,
     TransferFunction,
@@ -39,6 +40,8 @@ class CubeTransfer(TransferFunction):
         The `Parts`.
     powers
         P(k) of each mock in each of them, mK^2 MHz, (n_mocks, n_parts, n_k).
+    in_pixels
+        That in all seen pixels, (n_mocks, n_k).
     """
 
     drawn: bool
@@ -46,6 +49,7 @@ class CubeTransfer(TransferFunction):
     left: HarmonicPower | None
     parts: Parts
     powers: np.ndarray
+    in_pixels: np.ndarray
 
     @property
     def without_foreground(self):
@@ -89,7 +93,7 @@ def measure_transfer(cleaned, mocks, *, beams=None):
     _ = cube.nside  # refuses an image in the plane
     drawn = beams is not None and cube.whole_sky and cube.missing is None and len(cube.freqs) > N_SMOOTH
     parts, known = Parts.of(cleaned), None
-    members, in_parts, mock_powers = _analysed(cube, parts, mocks), [], []
+    members, in_parts, in_pixels, mock_powers = _analysed(cube, parts, mocks), [], [], []
     with TemporaryDirectory() as folder:
         if drawn:  # all mocks are looked at twice
             members = [_in_files(Path(folder) / str(n), arrays) for n, arrays in enumerate(members)]
@@ -98,7 +102,7 @@ def measure_transfer(cleaned, mocks, *, beams=None):
             lmax = min(3 * cube.nside, data.beams.shape[1]) - 1
             fields = (sphere.alms_upto(alms, lmax) for alms, *_ in members)
             known = foreground_given(data, products_of(fields, lmax), len(members)) if members else None
-        for n, (alms, mock, powers) in enumerate(members):
+        for n, (alms, mock, powers, power) in enumerate(members):
             if any(np.array_equal(powers, others) for others in in_parts):
                 raise InputError(f"mocks must differ, and number {n + 1} is one of those before it.")
             before = cleaned.separation
@@ -107,6 +111,7 @@ def measure_transfer(cleaned, mocks, *, beams=None):
                 before = known.draw(data, rng)
             mock_powers.append(_member_power(cleaned, mock, alms, before, known, beams))
             in_parts.append(np.array(powers))
+            in_pixels.append(np.array(power))
         left = None if known is None else _left(cleaned, data, known)
     residual = alms_of(cube, cleaned.residual, cleaned.separation.lmax)
     return CubeTransfer(
@@ -116,6 +121,7 @@ def measure_transfer(cleaned, mocks, *, beams=None):
         left=left,
         parts=parts,
         powers=np.array(in_parts),
+        in_pixels=np.array(in_pixels),
     )
 
 
@@ -126,7 +132,7 @@ def _left(cleaned, data, known):
 
 
 def _analysed(cube, parts, mocks):
-    """Of one mock after the other its coefficients, maps, and powers in parts of the sky.
+    """Of one mock after the other its coefficients, maps, and powers in parts of the sky and in all of it.
 
     The maps are as they came; the others of the mock less its means, and 0 where a voxel is missing.
     """
@@ -138,7 +144,8 @@ def _analysed(cube, parts, mocks):
                 f"{mock.shape}."
             )
         seen = cube.without_gaps(mock)
-        yield alms_of(cube, seen), mock, parts.powers(seen, cube.channel_width)
+        power = frequency_power(seen, cube.channel_width).power
+        yield alms_of(cube, seen), mock, parts.powers(seen, cube.channel_width), power
 
 
 def _in_files(path, arrays):
