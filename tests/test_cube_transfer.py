@@ -429,6 +429,17 @@ class TestMeasured:
         expected = bins @ np.where(np.arange(lmax + 1) < 2, 0, transfer.angular)
         assert both["angular"].share[1:] == pytest.approx(expected[2:], rel=1e-9)
 
+    def test_errors_with_a_mask_are_those_of_decoupled_spectra(self, cube, rng):
+        """Which scatter more than the spectra of the masked maps."""
+        part = clean_cube(cube.within(first(0.3)), "pca", n_sources=2)
+        mocks = [blue(rng)[:, part.cube.mask] for _ in range(3)]
+        found = corrected_by(part, mocks)[0]["angular"]
+        powers = np.array(
+            [angular_power(part.cube.on_sphere(one), mask=part.cube.sky_mask).mean for one in mocks]
+        )
+        expected = (powers / powers.mean(axis=0) - 1) * np.sqrt(3 / 2)
+        assert found.sample == pytest.approx(expected[:, 1 : 1 + len(found.x)], abs=1e-3)
+
     def test_few_channels_have_the_foreground_of_the_method(self, cube, rng):
         few = by_pca(replace(cube, maps=cube.maps[:6], freqs=cube.freqs[:6]))
         assert not measure_transfer(few, [blue(rng)[:6]], beams=BEAMS[:6]).drawn

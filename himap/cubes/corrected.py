@@ -1,5 +1,6 @@
 """Spectra of a cleaned cube corrected by its transfer function; in words, tables, a page and a file."""
 
+import warnings
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -12,6 +13,7 @@ from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.measures.bootstrap import LEVEL, chance_of, covariance, sigma
 from himap.measures.diagnostics import bands
+from himap.measures.spectra import decouple
 from himap.measures.transfer import quotient
 
 HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sample")
@@ -123,8 +125,7 @@ def correct(cleaned, transfer, spectra, truth=None):
     true = dict.fromkeys(shown, ([0], [np.nan]))
     if truth is not None:
         true = {"angular": (truth.degrees, truth.true_angular), "frequency": (truth.k, truth.true_frequency)}
-    ends = cleaned.separation.lmax is not None
-    return {kind: _corrected(kind, transfer, shown[kind], true[kind], ends) for kind in shown}
+    return {kind: _corrected(kind, cleaned, transfer, shown[kind], true[kind]) for kind in shown}
 
 
 def _ends(middles):
@@ -133,11 +134,24 @@ def _ends(middles):
     return np.array([ends[:-1], ends[1:]])
 
 
-def _corrected(kind, transfer, shown, true, ends):
-    """The `Corrected` of one spectrum, in the bins that are `shown`, by a `CubeTransfer`.
+def _averages(kind, cube, n_degrees, bins, known):
+    """Function from relative errors (n, n_l or n_k), and the powers that they are of, to those in bins.
 
-    `shown` and `true` are places, l or k, and the power there, of the residual and of the truth; `ends`
-    whether the residual ends at some l.
+    Without a mask they are means over `bins`, which are of the `known` l or k. With one C_l are decoupled,
+    which adds to their scatter.
+    """
+    if kind == "frequency" or cube.sky_mask is None:
+        return lambda relative, power: relative[:, known] @ bins.T
+    with warnings.catch_warnings(action="ignore"):  # its spectra were warned of
+        matrix = decouple(np.eye(3 * cube.nside), cube.sky_mask.astype(float)).cl
+    matrix = matrix[:n_degrees, 1 : 1 + len(bins)]
+    return lambda relative, power: quotient((relative * power) @ matrix, power @ matrix)
+
+
+def _corrected(kind, cleaned, transfer, shown, true):
+    """The `Corrected` of one spectrum of a `CleanedCube`, by its `CubeTransfer`.
+
+    `shown` and `true` are places, l or k in bins, and the power there, of the residual and of the truth.
     """
     x, residual = shown
     known = slice(2, None) if kind == "angular" else slice(1, None)
@@ -150,24 +164,26 @@ def _corrected(kind, transfer, shown, true, ends):
     lost = share <= 0
     found = transfer.corrected(kind, getattr(transfer.without_foreground, kind))
     several = len(transfer.mocks) > 1
-    expected = np.mean([getattr(mock.input, kind) for mock in transfer.mocks], axis=0)
+    powers = np.array([getattr(mock.input, kind) for mock in transfer.mocks])
+    expected = powers.mean(axis=0)
     within, shares, lost_in = bins @ residual_power[known], bins @ share[known], bins @ lost[known] > 0
     # C_l of coefficients is that of a mask: for all spectra alike.
     scale, noise = residual[inside] / within, 0.0
-    if kind == "frequency" and (transfer.drawn or not ends):
+    if kind == "frequency" and (transfer.drawn or cleaned.separation.lmax is None):
         # Pixels have more than coefficients to lmax, HI and noise as those of mocks, and unlike a residual.
         in_pixels = bins @ transfer.in_pixels.mean(axis=0)[known]
         scale = 1.0 if transfer.drawn else quotient(in_pixels, bins @ expected[known])
         # Further noise is white along frequency; what pixels have more at some k is foreground.
         noise = np.median(residual[inside] - within * scale)
     corrected = bins @ np.where(lost, 0, found)[known] * scale + noise
+    average = _averages(kind, cleaned.cube, len(expected), bins, known)
     return Corrected(
         x=x[inside],
         residual=residual[inside],
         share=shares,
         corrected=np.where(lost_in, np.nan, corrected),
-        errors=(transfer.errors(kind)[:, known] if several else np.empty((0, len(known_at)))) @ bins.T,
-        sample=transfer.sample(kind)[:, known] @ bins.T,
+        errors=average(transfer.errors(kind), powers) if several else np.empty((0, len(bins))),
+        sample=average(transfer.sample(kind), expected),
         expected=bins @ expected[known] * scale + noise,
         systematic=np.where(lost_in, 0, quotient(residual[inside], shares) - corrected),
         truth=np.interp(x[inside], *true, left=np.nan, right=np.nan),
