@@ -40,9 +40,10 @@ def in_neighbours(transfer):
     shares, n_mocks = {}, len(transfer.mocks)
     for name, (kind, inside) in bands(transfer.degrees, transfer.k).items():
         if kind == "angular":
+            weights, powers = (2 * transfer.degrees + 1)[inside], [mock.output for mock in transfer.mocks]
             own, *members = (
-                _share(one, inside)
-                for one in (transfer.without_foreground, *(mock.output for mock in transfer.mocks))
+                float(weights @ one.neighbours[inside] / (weights @ one.angular[inside]))
+                for one in (transfer.without_foreground, *powers)
             )
             members, error, chance = np.array(members), np.nan, np.nan
             if n_mocks > 1:
@@ -51,11 +52,6 @@ def in_neighbours(transfer):
             mean = float(members.mean())
             shares[plain_band(name)] = Common(cube=own, mocks=mean, error=error, chance=chance)
     return shares
-
-
-def _share(power, inside):
-    weights = (2 * power.degrees + 1)[inside]
-    return float(weights @ power.neighbours[inside] / (weights @ power.angular[inside]))
 
 
 def neighbours_table(shares):

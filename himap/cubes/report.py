@@ -104,9 +104,17 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None)
     check_cleaned(cleaned)
     if spectra is None:
         spectra = spectra_of(cleaned) if truth is None else compared(cleaned, truth)
-    parts = [
-        *_head(cleaned, cleaned.cube.said if said is None else said),
-        *_spectra_parts(cleaned, spectra, truth),
+    on_plane = cleaned.cube.image is not None
+    alt, text = ("Frequency", _SPECTRA) if on_plane else ("Angular and frequency", _SPECTRA + _ANGULAR)
+    parts = _head(cleaned, cleaned.cube.said if said is None else said)
+    parts.append(figure(spectra_figure(spectra), f"{alt} power spectrum", text, title="Spectra"))
+    if isinstance(spectra, Comparison):
+        means = band_means(spectra.ratios, spectra.degrees, spectra.k)
+        rows = [(name, f"{mean:.3f}") for name, mean in means.items()]
+        parts += ["<h3>Over the truth</h3>", Table([], rows)]
+    if on_plane:
+        parts.append(cylindrical_part(cleaned, truth))
+    parts += [
         *more,
         figure(modes_figure(cleaned), "Eigenvalues and mixing matrix", _MODES, title="Leading modes"),
         figure(maps_figure(cleaned), "Maps of the residual", _MAPS, title="Residual"),
@@ -117,7 +125,11 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None)
 def _head(cleaned, said):
     cube, method, pixels = cleaned.cube, cleaned.method, cleaned.cube.layout.pixels
     parameters = [f"{name} = {value}" for name, value in asdict(method).items()]
-    rms_before, rms_after = (_rms(maps, cube.missing) for maps in (cube.maps, cleaned.residual))
+    kept = [slice(None)] * len(cube.maps) if cube.missing is None else ~cube.missing
+    rms_before, rms_after = (  # of what is seen, less the means of channels
+        np.sqrt(np.mean([row[some].var(dtype=np.float64) for row, some in zip(maps, kept, strict=True)]))
+        for maps in (cube.maps, cleaned.residual)
+    )
     facts = {
         "method": ", ".join([method.name, *parameters]),
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
@@ -128,24 +140,6 @@ def _head(cleaned, said):
         "iterations": f"{cleaned.separation.n_iterations}",
     }
     return [Table([], facts.items()), *map(note, [*said, *cleaned.remarks])]
-
-
-def _rms(maps, missing):
-    """Of maps (n_channels, n_seen) less their channel means; without what is `missing`, of their shape."""
-    kept = [slice(None)] * len(maps) if missing is None else ~missing
-    return np.sqrt(np.mean([row[some].var(dtype=np.float64) for row, some in zip(maps, kept, strict=True)]))
-
-
-def _spectra_parts(cleaned, spectra, truth):
-    """All spectra, and their ratios to the truth where it is known."""
-    on_plane = cleaned.cube.image is not None
-    alt, text = ("Frequency", _SPECTRA) if on_plane else ("Angular and frequency", _SPECTRA + _ANGULAR)
-    parts = [figure(spectra_figure(spectra), f"{alt} power spectrum", text, title="Spectra")]
-    if isinstance(spectra, Comparison):
-        means = band_means(spectra.ratios, spectra.degrees, spectra.k)
-        rows = [(name, f"{mean:.3f}") for name, mean in means.items()]
-        parts += ["<h3>Over the truth</h3>", Table([], rows)]
-    return [*parts, cylindrical_part(cleaned, truth)] if on_plane else parts
 
 
 def cylindrical_part(cleaned, truth=None):

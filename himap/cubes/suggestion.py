@@ -150,9 +150,11 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
     counts = [whole_number("n_sources", one, 0, n_channels) for one in islice(several, n_channels)]
     in_a_row = len(counts) > 1 and counts == [*range(counts[0], counts[0] + len(counts))]
     if not in_a_row or counts[0] < 1 or counts[-1] >= n_channels:
+        is_range = isinstance(n_sources, range)
+        given = f"{n_sources.start} to {n_sources.stop - 1}" if is_range else n_sources
         raise InputError(
             "n_sources (--from, --to) are two or more numbers in a row, from 1 to one less than there are "
-            f"channels, {n_channels - 1}, got {_said(n_sources)}."
+            f"channels, {n_channels - 1}, got {given}."
         )
     counts = np.array(counts)
     # Refused now, not after the others.
@@ -196,11 +198,6 @@ def suggest(cube, method="pca", *, n_sources=None, beams=None, peaks=True, **par
         widths=widths,
         weighted=cube.weights is not None,
     )
-
-
-def _said(numbers):
-    """Numbers in words; a range by its first and last."""
-    return f"{numbers.start} to {numbers.stop - 1}" if isinstance(numbers, range) else f"{numbers}"
 
 
 def check_method(method):
