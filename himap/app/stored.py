@@ -78,11 +78,17 @@ def read_ledger(path=LEDGER):
 
     A record of restarts, named so, is read in its first reading. InputError where there is no such file.
     """
-    if Path(path).stem.startswith("restarts_"):
-        record = Record.load(find_experiment("restarts"), path)
-        return [*next(iter(outcomes(record.rows).values())).entries.values()], record.about
-    record = Record.load(find_experiment("claims"), path)
-    return entries(record.rows), record.about
+    kind = "restarts" if Path(path).stem.startswith("restarts_") else "claims"
+    record = Record.load(find_experiment(kind), path)
+    return [*next(iter(_by_reading(record).values())).values()], record.about
+
+
+def _by_reading(record):
+    """{reading: {claim: `Entry`}} of a record of claims, of readings or of restarts."""
+    if record.experiment.name != "claims":
+        return {label: one.entries for label, one in outcomes(record.rows).items()}
+    reading = dict(record.made.overrides).get("reading", "default")
+    return {reading: {entry.claim.id: entry for entry in entries(record.rows)}}
 
 
 def other_records(about, folder=RESULTS):
@@ -112,16 +118,11 @@ def _judgements(record, made):
     reading = dict(made.overrides).get("reading", "default")
     own = {one.name: changed[one.name] for one in fields(Survey) if one.name in changed}
     coarse = too_coarse(Survey.preset(record.made.preset, **own))
-    if record.experiment.name == "claims":
-        label = changed.get("reading", "default")
-        several = {label: {entry.claim.id: entry for entry in entries(record.rows)}}
-    else:
-        several = {label: one.entries for label, one in outcomes(record.rows).items()}
     several = {  # one that has another name only is that of the ledger
         reading if find_reading(label).values == find_reading(reading).values else label: {
             id: entry for id, entry in by_id.items() if id not in coarse
         }
-        for label, by_id in several.items()
+        for label, by_id in _by_reading(record).items()
     }
     judging = [several[reading]] if reading in several else list(several.values()) if len(several) > 1 else []
     holding = [{id for id, entry in by_id.items() if entry.holds} for by_id in judging]
@@ -137,17 +138,16 @@ def _judgements(record, made):
 def record_words(made):
     """{what sets a record apart: in words, empty where it is as usual} of its `Provenance`."""
     changed, galaxy = dict(made.overrides), made.galaxy.partition(" ")[0]
+    choices = dict.fromkeys(CHOICES, "")
+    for name in CHOICES.keys() & changed:
+        words, value = CHOICES[name], changed[name]
+        choices[name] = words.get(value, "") if isinstance(words, dict) else words.format(value)
     return {
         "size": SIZES.get(made.preset, made.preset),
         "galaxy": GALAXIES.get(galaxy, galaxy),
         "method": styles.numbered(changed["method"], None) if "method" in changed else "",
         "reading": reading if (reading := changed.get("reading", "default")) != "default" else "",
-    } | {name: _said(words, changed[name]) if name in changed else "" for name, words in CHOICES.items()}
-
-
-def _said(words, value):
-    """What `CHOICES` has of a parameter, for its value; nothing of the default."""
-    return words.get(value, "") if isinstance(words, dict) else words.format(value)
+    } | choices
 
 
 def stored_figures(results=None, folders=None):
