@@ -44,7 +44,10 @@ def read_fits(path, axes=None, *, logical=False):
     their names with numbers as numbers; of three Stokes parameters there the first is read.
     """
     paths, left_out = fits_in(path) if path.is_dir() else ([path], [])
-    if _holds_image(paths[0]):
+    first = None
+    with suppress(InputError), _opened(paths[0]) as file:  # what is wrong with it its reader says
+        first = next(hdu for hdu in file if not isinstance(hdu, _IMAGES) or hdu.shape)
+    if isinstance(first, _IMAGES):
         maps, layout = _read_images(paths, axes)
     elif axes is not None:
         raise InputError(f"axes (--axes) are those of arrays, and {path} is a table of maps; leave them out.")
@@ -102,13 +105,6 @@ def _read_tables(folder, paths):
         stated["remarks"] = (f"Stokes Q and U in {n_polarised} of its files are left out.",)
     maps = np.concatenate([file.maps for file in files])
     return maps, _layout(folder, maps, files, names, **stated)
-
-
-def _holds_image(path):
-    """Whether what comes first in a FITS file is an image, and no table; False for what cannot be read."""
-    with suppress(InputError), _opened(path) as file:  # what is wrong with it its reader says
-        return isinstance(next(hdu for hdu in file if not isinstance(hdu, _IMAGES) or hdu.shape), _IMAGES)
-    return False
 
 
 def _quiet():
