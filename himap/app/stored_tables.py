@@ -160,24 +160,20 @@ def choices_table(ledger, others):
             entries_of(record.rows[of_record.isin(shared)])
             for record, of_record in zip((ledger, other), members, strict=True)
         ]
-        changes = [
-            _change(*pair) for pair in zip(*both, strict=True) if len({one.verdict for one in pair}) > 1
-        ]
+        changes = []
+        for before, after in zip(*both, strict=True):
+            if before.verdict == after.verdict:
+                continue
+            signs = f"{after.claim.id} {BADGES[before.verdict][0]} → {BADGES[after.verdict][0]}"
+            shares = [entry.main_shares["mean"] for entry in (before, after)]
+            parts = shares[0].compare(shares[1]).index if shares[0].index.equals(shares[1].index) else ()
+            methods = dict.fromkeys(filter(None, after.main_shares["method"].reindex(parts)))
+            which = f" ({', '.join(methods)})" if methods else ""
+            changes.append(signs.replace(" ", _NO_BREAK) + which)
         words = [word for name, word in record_words(other.made).items() if word != usual[name]]
         choice = ", ".join(words) or "none: another run of SDecGMCA"
         rows.append([choice, members_text(both[1][0]), ", ".join(changes) or "none"])
     return _markdown(["Choice", "Members", "Verdicts that change (methods whose parts do)"], rows)
-
-
-def _change(before, after):
-    """From which verdict to which a claim changes, and the methods whose main parts do, of two `Entry`."""
-    shares = [entry.main_shares["mean"] for entry in (before, after)]
-    parts = shares[0].compare(shares[1]).index if shares[0].index.equals(shares[1].index) else ()
-    methods = dict.fromkeys(filter(None, after.main_shares["method"].reindex(parts)))
-    signs = f"{after.claim.id} {BADGES[before.verdict][0]} → {BADGES[after.verdict][0]}".replace(
-        " ", _NO_BREAK
-    )
-    return f"{signs} ({', '.join(methods)})" if methods else signs
 
 
 def _ledger_names(ledgers):
