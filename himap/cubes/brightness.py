@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.cubes.corrected import in_bands
-from himap.figures.tables import Table
+from himap.cubes.corrected import band_table, in_bands
 from himap.maps.low_rank import blocks
 from himap.measures.bootstrap import LEVEL, chance_of, sigma
 from himap.measures.spectra import frequency_power
@@ -109,7 +108,6 @@ def brightness_table(power):
         [name, *map("{:.4f}".format, [*one.ratios, one.without]), f"{one.error:.2%}", f"{one.chance:.2g}"]
         for name, one in power.items()
     ]
-    rows = [["–" if cell.startswith("nan") else cell for cell in row] for row in rows]
     middle = [f"{n}" for n in range(2, N_PARTS)]
     header = ["fifths of the sky", "faintest", *middle, "brightest", "no foreground", "error", "chance"]
     note = (
@@ -117,7 +115,7 @@ def brightness_table(power):
         "to no foreground, with the error of this and of the corrected power, and the chance that it is as "
         "far from 1."
     )
-    return Table(header, rows, align="l" + "r" * (len(header) - 1), note=note)
+    return band_table(header, rows, note)
 
 
 def remarks_on_brightness(power):

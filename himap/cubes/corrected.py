@@ -254,9 +254,9 @@ def corrected_table(corrected):
             total = np.hypot(bar, systematic) if one.drawn else np.nan
             pulls = [(ratios[1] - 1) / sigma for sigma in (bar, total)]
             row += [*map("{:.4f}".format, ratios), *map("{:+.1f}".format, pulls)]
-        rows.append(["–" if "nan" in cell else cell for cell in row])
+        rows.append(row)
     note = f"The truth is known in a part of {', '.join(truncated)}: up to l = 2 nside." if truncated else ""
-    return Table(header, rows, align="l" + "r" * (len(header) - 1), note=note)
+    return band_table(header, rows, note)
 
 
 def correlation_table(corrected):
@@ -278,6 +278,12 @@ def plain_band(name):
     """The name of a band of ratios as that of a band of the spectrum."""
     ratio, _, where = name.partition(", ")
     return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
+
+
+def band_table(header, rows, note=""):
+    """A `Table` with a row of numbers, texts, for each band; "–" where one is not known."""
+    rows = [["–" if "nan" in cell else cell for cell in row] for row in rows]
+    return Table(header, rows, align="l" + "r" * (len(header) - 1), note=note)
 
 
 def corrected_parts(corrected):

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.cubes.corrected import plain_band
-from himap.figures.tables import Table
+from himap.cubes.corrected import band_table, plain_band
 from himap.measures.bootstrap import LEVEL, chance_of, sigma
 from himap.measures.diagnostics import bands
 
@@ -60,15 +59,12 @@ def neighbours_table(shares):
         [name, *map("{:.4f}".format, (one.cube, one.mocks, one.error)), f"{one.chance:.2g}"]
         for name, one in shares.items()
     ]
-    rows = [["–" if cell == "nan" else cell for cell in row] for row in rows]
     note = (
         "Share of the power that neighbouring channels have in common: of the residual and of the mocks, "
         "less what was estimated as foreground; the error of the difference, and the chance that it is as "
         "large."
     )
-    return Table(
-        ["neighbouring channels", "cube", "mocks", "error", "chance"], rows, align="lrrrr", note=note
-    )
+    return band_table(["neighbouring channels", "cube", "mocks", "error", "chance"], rows, note)
 
 
 def remarks_on_neighbours(shares):

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.core.progress import progress
-from himap.cubes.corrected import plain_band
+from himap.cubes.corrected import band_table, plain_band
 from himap.cubes.report import figure, panel
 from himap.cubes.spectra import analysed, power_spectra
 from himap.figures import plotting, styles
-from himap.figures.tables import Table
 from himap.measures.diagnostics import bands
 
 PERCENTILES = (16, 50, 84)
@@ -70,7 +69,7 @@ def scatter_table(scatter):
         power = scatter.powers[kind][:, inside].mean(axis=1)
         ratios = np.percentile(power / power[scatter.medoid], PERCENTILES)
         rows.append([plain_band(name), *(f"{ratio:.4g}" for ratio in ratios)])
-    return Table(["over the medoid", "16 %", "median", "84 %"], rows, align="lrrr")
+    return band_table(["over the medoid", "16 %", "median", "84 %"], rows)
 
 
 def scatter_parts(scatter):
