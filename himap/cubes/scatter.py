@@ -56,8 +56,8 @@ def scatter_of(cleaned):
     for k in progress(range(len(ensemble.members)), "spectra of restarts"):
         spectra = power_spectra(cube, residual + ensemble.change(k).cube(), near)
         angular = spectra.angular.upto(cleaned.separation.lmax)
-        powers.append((angular.mean[angular.degrees > 0], spectra.frequency.power[1:]))
-    x = {"angular": angular.degrees[angular.degrees > 0], "frequency": spectra.frequency.k[1:]}
+        powers.append((angular.mean[angular.degrees >= 1], spectra.frequency.power[1:]))
+    x = {"angular": angular.degrees[angular.degrees >= 1], "frequency": spectra.frequency.k[1:]}
     powers = dict(zip(x, map(np.array, zip(*powers, strict=True)), strict=True))
     return Scatter(x=x, powers=powers, medoid=ensemble.medoid_index)
 
