@@ -638,5 +638,44 @@ message = "--period is of an error that oscillates: give --ripple too"
 add("sensitivity good.h5 --method beam_subspace --beam evolving --width 0.01 --period 7", message)
 for command in ("suggest", "sensitivity", "transfer"):
     add(f"{command} good.h5 -o n.png", "the page is a .html file")
-for command in ("claims", "readings"):
-    add(f"measure {command} -p n_sources_max=1000000000000", "n_sources_max must be a whole number")
+
+# Records and notebooks, before any work.
+for words, message in (
+    (f"claims -p n_sources_max={10**12}", "n_sources_max must be a whole number"),
+    (f"readings -p n_sources_max={10**12}", "n_sources_max must be a whole number"),
+    ("clams", "unknown experiment 'clams'; there are authors, beam_errors"),
+    ("claims -p n_realisation=2", "did you mean n_realisations"),
+    ("claims -p galaxy=templates", "needs template_dir"),
+    ("claims -o claims.txt", "something.json"),
+    ("claims --preset huge", "unknown preset"),
+    ("claims --jobs 0", "--jobs"),
+    ("claims --check none.json", "there is no record none.json"),
+    ("claims --check none.json --grow none.json", "give one of them"),
+    ("claims --check none.json -o b.json", "without -o and"),
+    ("claims --grow none.json --overwrite", "without -o and"),
+    ("transfer -p n_mock=2", "did you mean n_mocks"),
+):
+    add(f"measure {words}", message)
+unknown = dict.fromkeys(("readings", "restarts", "flags"), "average=ratios polynomial=logarithm")
+unknown["readings"] += " reading=code method=beam_subspace"
+unknown |= {"transfer": "results=[]", "beam_errors": "results=[]", "methods": "results=null"}
+for name, pairs in unknown.items():
+    for pair in pairs.split():
+        add(f"measure {name} -p {pair}", f"unknown parameter {pair.partition('=')[0]}")
+for words, message in (
+    ("04_pca -p n_sorces=3", "did you mean n_sources"),
+    ("04_pca -p n_sources", "-p name=value; got -p n_sources"),
+    ("04_pca -p n_sources=1 -p n_sources=2", "given twice"),
+    ("04_pca --preset ci -p preset=quick", "given twice, as ci and as quick"),
+    ("04_pca --preset big", "unknown preset 'big'"),
+    ("04_pca 99_none", "no notebook '99_none'"),
+    ("04_pca 05_fastica -o out.ipynb", "-o names the output of one notebook"),
+    ("--stale -p n_sources=3", "--stale runs notebooks as they are committed"),
+    ("--stale -o .", "--stale runs notebooks as they are committed"),
+    ("--all 04_pca", "--all runs every notebook; leave it out to run only 04_pca"),
+    ("--all -p n_sorces=3", "no notebook has the parameter n_sorces"),
+    (f"04_pca --max-memory {'9' * 5000}", "such as 16GB, and at most 1000 TB; got '9999"),
+    (f"04_pca -p n_sources={'x' * 100_000}", "characters more ...]"),
+    ("", "name the notebooks to run"),
+):
+    add(f"run {words}", message)

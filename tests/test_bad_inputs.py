@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from himap.app.cli.main import main
 from himap.cubes import cleaning
 
-COMMANDS = ("clean", "suggest", "sensitivity", "transfer", "measure")
+COMMANDS = ("clean", "suggest", "sensitivity", "transfer", "measure", "run")
 LONGEST = 5000  # characters of what is said
 SECONDS = 20
 SOURCES = {  # by the part that says what the rest is: (words of the command, its length in bytes)

@@ -143,33 +143,6 @@ def test_an_address_without_a_scheduler_is_refused_before_any_work(himap_command
     assert himap_command("run", "01_toy")[0] == 0 and runs
 
 
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        (["01_toy", "-p", "n_sorces=3"], "did you mean n_sources"),
-        (["01_toy", "-p", "n_sources"], "-p name=value; got -p n_sources"),
-        (["01_toy", "-p", "n_sources=1", "-p", "n_sources=2"], "given twice"),
-        (["01_toy", "--preset", "ci", "-p", "preset=quick"], "given twice, as ci and as quick"),
-        (["01_toy", "--preset", "big"], "unknown preset 'big'"),
-        (["01_toy", "03_none"], "no notebook '03_none'"),
-        (["01_toy", "02_other", "-o", "out.ipynb"], "-o names the output of one notebook"),
-        (["--stale", "-p", "n_sources=3"], "--stale runs notebooks as they are committed"),
-        (["--all", "01_toy"], "--all runs every notebook; leave it out to run only 01_toy"),
-        (["--all", "-p", "n_sorces=3"], "no notebook has the parameter n_sorces"),
-        (["01_toy", "--max-memory", "9" * 5000], "such as 16GB, and at most 1000 TB; got '9999"),
-        (["01_toy", "-p", f"n_sources={'x' * 100_000}"], "characters more ...]"),
-        (["--stale", "-o", ""], "--stale runs notebooks as they are committed"),
-        ([], "name the notebooks to run"),
-    ],
-)
-def test_bad_input_ends_in_one_paragraph_and_code_2(himap_command, runs, arguments, message):
-    code, out, err = himap_command("run", *arguments)
-    assert code == 2 and out == ""
-    assert err.startswith("Error: ") and message in err and "Traceback" not in err and "\n\n" not in err
-    assert len(err) < 5000
-    assert runs == [] and os.listdir() == []
-
-
 def test_debug_shows_the_traceback(himap_command):
     for arguments in [["--debug", "list", "zz"], ["list", "zz", "--debug"]]:
         with pytest.raises(InputError):

@@ -121,40 +121,6 @@ class TestWrite:
         assert code == 2 and "something.json; got" in err
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("clams", "unknown experiment 'clams'; there are authors, beam_errors"),
-        ("claims -p n_realisation=2", "did you mean n_realisations"),
-        ("claims -p galaxy=templates", "needs template_dir"),
-        ("claims -o claims.txt", "something.json"),
-        ("claims --preset huge", "unknown preset"),
-        ("claims --jobs 0", "--jobs"),
-        ("claims --check none.json", "there is no record none.json"),
-        ("claims --check none.json --grow none.json", "give one of them"),
-        ("claims --check none.json -o b.json", "without -o and"),
-        ("claims --grow none.json --overwrite", "without -o and"),
-        ("readings -p reading=code", "unknown parameter reading"),
-        ("readings -p method=beam_subspace", "unknown parameter method"),
-        *(
-            (f"{name} -p {parameter}={value}", f"unknown parameter {parameter}")
-            for name in ("readings", "restarts", "flags")
-            for parameter, value in (("average", "ratios"), ("polynomial", "logarithm"))
-        ),
-        ("transfer -p results=[]", "unknown parameter results"),
-        ("transfer -p n_mock=2", "did you mean n_mocks"),
-        ("beam_errors -p results=[]", "unknown parameter"),
-        ("methods -p results=null", "unknown parameter results"),
-    ],
-)
-def test_bad_input_before_any_work(himap_command, seen, words, message):
-    code, _, err = himap_command("measure", *words.split())
-    assert code == 2
-    assert message in err
-    assert not seen
-    assert not list(Path().iterdir())
-
-
 THE_SAME = "are the same with today's code"
 NOT_COMPARED = "of single runs of a chaotic method are not compared"
 

@@ -15,9 +15,7 @@ from cube_files import FREQS, N_PIX, NSIDE, run, write_hdf5
 
 from himap import removal
 from himap.app.cli.main import main
-from himap.core.errors import InputError
-from himap.cubes import beams_of, clean_cube, measure_transfer, read_cube, save_cleaned
-from himap.cubes.report import write_report
+from himap.cubes import beams_of, clean_cube, measure_transfer, read_cube
 from himap.cubes.scatter import PERCENTILES, scatter_of, scatter_table
 from himap.cubes.spectra import spectra_of
 from himap.instrument import beams
@@ -97,7 +95,7 @@ class TestCleaning:
         """As the same cube under a mask, and mocks can be put into it."""
         kept = np.abs(sphere.pixel_latitude(NSIDE)) > 15
         holes = read_cube(write_hdf5(tmp_path / "a.h5", np.where(kept, maps, np.nan)))
-        seen = beams_of(cube, "oscillating")
+        seen = beams_of(cube, "oscillating")[:, : 2 * NSIDE + 1]  # as far as it looks
         options = {"method": "beam_subspace", "beams": seen, "n_sources": 2}
         one, two = (clean_cube(each, **options) for each in (holes, cube.within(kept)))
         assert np.array_equal(one.residual, two.residual)
@@ -149,31 +147,6 @@ def test_the_help_lists_what_there_is():
     more = run("clean", "--help-files").output
     hidden = [option.opts[0] for option in main.commands["clean"].params if getattr(option, "hidden", False)]
     assert "--help-files" in out and hidden and all(f"{name} NAME" in more for name in hidden)
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda cube: clean_cube("a.h5", "pca"), "must be a Cube, as read_cube gives it, got str"),
-        (lambda cube: clean_cube(cube, "pca", peaks="no"), "peaks must be True or False"),
-        (lambda cube: clean_cube(cube, "fastica", n_sources=2, seed="x"), "seed must be a whole number"),
-        (lambda cube: save_cleaned(cube, "a.h5"), "takes a CleanedCube, .* got Cube"),
-        (lambda cube: write_report(None, "a.html"), "takes a CleanedCube, .* got NoneType"),
-        (lambda cube: read_cube(np.zeros((3, 48))), "must be given by its path, got ndarray"),
-        (lambda cube: clean_cube(cube, "pca", n_sources=24), "below the number of channels, 24"),
-    ],
-)
-def test_other_types_are_refused(cube, call, message):
-    with pytest.raises(InputError, match=message):
-        call(cube)
-
-
-@pytest.mark.parametrize("n_degrees", [5, 8])
-def test_beams_that_end_too_early_are_refused(cube, n_degrees):
-    beams = np.ones((len(cube.freqs), 3 * cube.nside))
-    assert clean_cube(cube, "beam_subspace", n_sources=2, beams=beams[:, : 2 * cube.nside + 1]).cube is cube
-    with pytest.raises(InputError, match=f"to 2 nside = {2 * cube.nside} at least, got {n_degrees}"):
-        clean_cube(cube, "beam_subspace", n_sources=2, beams=beams[:, :n_degrees])
 
 
 def unlike(cleaned, n_members=3):

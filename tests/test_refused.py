@@ -14,10 +14,11 @@ from himap.core.errors import InputError
 from himap.core.memory import parse_size
 from himap.core.reading import regular_file
 from himap.core.survey import Survey
-from himap.cubes import clean_cube, suggest
+from himap.cubes import beam_sensitivity, beams_of, clean_cube, read_cube, save_cleaned, suggest
 from himap.cubes.cube import make_cube
 from himap.cubes.layout import Layout
 from himap.cubes.mocks import draw_mocks
+from himap.cubes.report import write_report
 from himap.instrument import beams
 from himap.instrument.beams import Degraded, Evolving, FromFile, Oscillating, named
 from himap.instrument.beams.base import REGISTRY as BEAMS
@@ -97,6 +98,11 @@ def power_of_box(**given):
     return cylindrical_power(**({"maps": np.zeros((4, 5, 6)), "cell": CELL} | given))
 
 
+def sensitivity_to(beam="evolving", method="beam_subspace", **given):
+    beams = beams_of(CUBE, beam) if method != "pca" else None
+    return beam_sensitivity(clean_cube(CUBE, method, n_sources=2, beams=beams, peaks=False), beam, **given)
+
+
 method = partial(partial, removal.create)
 weighted, masked = partial(clean, "pca", 16), partial(clean, "pca")
 subspace = partial(clean, "beam_subspace")
@@ -110,6 +116,8 @@ without_lines = partial(frequency_power_without, None, channel_width=2.0, cube=S
 CI, TAPERED = Study(preset="ci"), replace(CASE, survey=replace(SURVEY, taper="hann"))
 COUNTS = [1, 3], [3], [], [0, 1], range(20, 25), range(1, 10**30), [2, 1], 3
 SIZES = "", "much", "0GB", "-1GB", "GB", "1e3", "3 PB", "nan", "2000TB", "9" * 400, "0.1B", "\u0663GB"
+aware = partial(clean_cube, CUBE, "beam_subspace")
+UNCOUNTED = "polynomial", "gnilc"
 LINES = "x = 1", "x: int", "x: int = len('a')", "x: set = {1}", "print(1)"
 freq_of = partial(freq_in_header, path="a.fits")
 assumed, ADDITIVE = partial(assumed_beam, Oscillating()), Oscillating(ripple="additive")
@@ -150,7 +158,8 @@ TABLE = [
     (named, "text", "meerkat:band=L,Band=UHF", "given twice"),
     (a_table, "path", "/dev/null", "the table /dev/null must be a file that is on"),
     (FromFile, "path", "nowhere.txt", "there is no file of widths or b_l of a beam 'nowhere.txt'"),
-    (windows("oscillating"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz"),
+    *((windows("oscillating"), "freqs", ends, "850 to 1420 MHz") for ends in ([849, 1000], [1000, 1421])),
+    *((partial(Evolving().windows, FREQS), "lmax", n, "lmax must be a whole number") for n in (2.5, -1)),
     (windows("rippled"), "freqs", [1000.0, 1500.0], "850 to 1420 MHz.*oscillating:ripple=additive"),
     (windows("evolving"), "freqs", 1000.0, "one MHz value per channel"),
     (partial(windows("evolving"), [1000.0]), "dish_diameter", "a", "dish must be a diameter in m.*got 'a'"),
@@ -301,6 +310,23 @@ TABLE = [
     (mocks_of_cube, "beams", np.ones((23, 12)), "24"),
     (partial(clean_cube, CUBE, removal.PCA()), "n_sources", 9, "n_sources: give parameters to PCA"),
     (partial(clean_cube, CUBE), "method", removal.PCA, "a method, such as PCA"),
+    (partial(clean_cube, method="pca"), "cube", "a.h5", "must be a Cube, as read_cube gives it, got str"),
+    (partial(clean_cube, CUBE, "pca"), "peaks", "no", "peaks must be True or False"),
+    (partial(clean_cube, CUBE, "fastica"), "seed", "x", "seed must be a whole number"),
+    (partial(clean_cube, CUBE, "pca"), "n_sources", 24, "below the number of channels, 24"),
+    *((aware, "beams", np.ones((24, n)), f"to 2 nside = 8 at least, got {n}") for n in (5, 8)),
+    (partial(save_cleaned, path="a.h5"), "cleaned", CUBE, "takes a CleanedCube, .* got Cube"),
+    (partial(write_report, path="a.html"), "cleaned", None, "takes a CleanedCube, .* got NoneType"),
+    (read_cube, "path", SKY, "must be given by its path, got ndarray"),
+    (partial(sensitivity_to, method="pca"), "beam", "evolving", "pca does not use the beam"),
+    (partial(sensitivity_to, ripples=[]), "widths", [], "there must be errors of the beam"),
+    (sensitivity_to, "widths", [0.0], "none that is 0"),
+    (sensitivity_to, "widths", [0.9], "at most 0.5, got 0.9"),
+    (sensitivity_to, "period", 0, "period .* above 0"),
+    (sensitivity_to, "period", float(np.diff(FREQS)[0]), "nearly the same in all channels"),
+    (partial(sensitivity_to, beam="meerkat:band=L"), "dish", 12, "dish= is for the beams"),
+    *((partial(suggest, CUBE), "method", one, f"{one} has no number of sources; b") for one in UNCOUNTED),
+    (partial(suggest, CUBE), "n_sources", range(5, 4), "got 5 to 3"),
     (partial(suggest, CUBE), "n_sources", [1.0, 2.5], "n_sources .*must be a whole number"),
     *((partial(suggest, CUBE), "n_sources", n, "n_sources .*two or more .* in a row.* got") for n in COUNTS),
     *((parse_size, "text", size, "such as 16GB") for size in SIZES),

@@ -5,7 +5,6 @@ import pytest
 from cube_files import FREQS, N_PIX, NSIDE, run, write_hdf5
 from skies import maps_through
 
-from himap.core.errors import InputError
 from himap.cubes import beam_sensitivity, beams_of, clean_cube, read_cube
 from himap.cubes.sensitivity import sensitivity_figure, sensitivity_table
 from himap.instrument.beams import Evolving, PerturbedBeam
@@ -69,26 +68,6 @@ def test_no_error_moves_nothing_and_more_moves_more(path):
     first, second = sensitivity_figure(found).axes
     assert len(first.get_lines()) == 2 + len(found.columns)
     assert [text.get_text() for text in second.get_xticklabels()] == ["+1"]
-
-
-@pytest.mark.parametrize(
-    ("method", "options", "message"),
-    [
-        ("pca", {}, "pca does not use the beam"),
-        ("beam_subspace", {"widths": [], "ripples": []}, "there must be errors of the beam"),
-        ("beam_subspace", {"widths": [0.0]}, "none that is 0"),
-        ("beam_subspace", {"widths": [0.9]}, "at most 0.5, got 0.9"),
-        ("beam_subspace", {"period": 0}, "period .* above 0"),
-        ("beam_subspace", {"period": float(np.diff(FREQS)[0])}, "nearly the same in all channels"),
-        ("beam_subspace", {"dish": 12}, "dish= is for the beams"),
-    ],
-)
-def test_refused(path, method, options, message):
-    cube = read_cube(path)
-    beam = "meerkat:band=L" if "dish" in options else "evolving"
-    cleaned = cleaned_with(cube, beam, method=method)
-    with pytest.raises(InputError, match=message):
-        beam_sensitivity(cleaned, beam, **options)
 
 
 def test_command(path, tmp_path):

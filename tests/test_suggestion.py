@@ -8,7 +8,6 @@ import pytest
 from cube_files import FREQS, N_PIX, NSIDE, run, write_hdf5
 from skies import maps_through
 
-from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, read_cube, spectra, suggestion
 from himap.instrument.beams import named
 from himap.maps import sphere
@@ -141,21 +140,6 @@ class TestSuggestion:
         path = write_hdf5(tmp_path / "a.h5", maps)
         done = run("suggest", path, "--method", "beam_subspace", "--beam", "oscillating", "--to", 4)
         assert "2 eigenvalues exceed HI and noise." in done.output
-
-
-@pytest.mark.parametrize("method", ["polynomial", "gnilc"])
-def test_a_method_without_sources_is_refused(method, rng, tmp_path):
-    cube = cube_of(tmp_path, rng.standard_normal((24, N_PIX)).astype("f4"))
-    with pytest.raises(InputError, match=f"{method} has no number of sources; beam_subspace, "):
-        suggestion.suggest(cube, method)
-    done = run("suggest", tmp_path / "a.npy", "--method", method, "--beam", "evolving", code=2)
-    assert "has no number of sources" in done.output and "unit" not in done.output
-
-
-def test_numbers_are_shown_as_they_were_given(rng, tmp_path):
-    cube = cube_of(tmp_path, rng.standard_normal((24, N_PIX)).astype("f4"))
-    with pytest.raises(InputError, match="got 5 to 3"):
-        suggestion.suggest(cube, n_sources=range(5, 4))
 
 
 def test_the_help_has_the_methods_with_sources():
