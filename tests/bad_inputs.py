@@ -299,6 +299,11 @@ add("a.fits", "one unit, got", write_fits, "a.fits", good_maps()[:3], **units)
 for cards in ({"NAXIS2": 10**12}, {"NAXIS1": 10**15}, {"NSIDE": 2**26}, {"NAXIS2": -5}):
     source = "part.fits" if "NSIDE" in cards else "good.fits"
     add("a.fits", "a.fits", change_cards, source, "a.fits", **cards)
+without_nside = fits.BinTableHDU.from_columns([fits.Column("950 MHz", "4E", "mK", array=np.ones((N_PIX, 4)))])
+add("a.fits", "must say NSIDE", without_nside.writeto, "a.fits")  # for 192 pixels, or 768
+add("a.fits", "nside a power of two; got 432 pixels", write_fits, "a.fits", np.ones((2, 12 * 6**2)))
+for size, message in ((3000, "there is no table"), (15_000, "cannot be read as HEALPix")):
+    add("a.fits", message, lambda n=size: Path("a.fits").write_bytes(Path("good.fits").read_bytes()[:n]))
 add("a.fits", "Stokes parameters of one map", write_fits, "a.fits", good_maps()[:3])
 
 

@@ -1,8 +1,12 @@
-"""The benchmarks run, and compare with code that does the same work. No test reads a clock."""
+"""The benchmarks run, and compare with code that does the same work; kills and full disks are counted.
+
+No test reads a clock.
+"""
 
 import json
+import random
 from collections import Counter
-from dataclasses import asdict
+from copy import copy
 from types import SimpleNamespace
 
 import click
@@ -15,8 +19,8 @@ from benchmarks import __main__ as chain_of_steps
 from benchmarks import alternatives, endurance, floors, methods, scaling, steps, whole
 from benchmarks.floors import Machine, Needs
 from benchmarks.measure import Measured, measured
+from benchmarks.places import Place
 from himap import removal
-from himap.app.stored_tables import endurance_table
 from himap.core.survey import PRESETS
 from himap.maps import sphere
 from himap.paper.methods import TABLE_1, paper_beams
@@ -189,18 +193,6 @@ def test_bad_input_ends_in_a_sentence(command, options):
     assert done.exit_code == 1 and done.output.startswith("Error: ") and done.output.count("\n") == 1
 
 
-def test_ends_without_a_sentence_are_failures(tmp_path):
-    errors = tmp_path / "errors.txt"
-    errors.write_text("Traceback")
-    place = SimpleNamespace(folder=tmp_path, errors=errors, results=dict, gone=int, left=Counter)
-    trial = object.__new__(endurance.Trial)
-    trial.counts, trial.expected = Counter(full_disks=1), {}
-    endurance._count_end(trial, place, SimpleNamespace(wait=lambda: 1), "Error: ")
-    about = asdict(Provenance.of(PRESETS["ci"], galaxy="synthetic", preset="ci"))
-    table = endurance_table({"about": about, "found": {"full_disk_run": trial.counts}})
-    assert "| 1 | **1** | 0 | 0 |" in " ".join(table.split())
-
-
 def test_counts_of_one_file_have_one_provenance(tmp_path, monkeypatch):
     monkeypatch.setattr(endurance, "kill", lambda *_: None)
     trials = {name: ("run", endurance.kill) for name in ("run_killed", "clean_killed")}
@@ -233,3 +225,66 @@ def test_growth_says_at_which_preset_what_grows(tmp_path, monkeypatch):
     CliRunner().invoke(scaling.main, ["-o", str(tmp_path / "cost.json")], catch_exceptions=False)
     about = json.loads((tmp_path / "cost.json").read_text())["about"]
     assert Provenance.of_stored(about).footer().startswith("nside at ci, n_channels at laptop · synthetic")
+
+
+CLEAN = ["clean", "cube.h5", "--method", "pca", "-p", "n_sources=2", "-o", "cleaned.npy"]
+LOST = ("reruns_that_failed", "other_results", "processes_left")
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """A trial whose command has run once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(endurance, "_N_CHANNELS", 10)
+        patch.setattr(endurance, "_NSIDE", 8)
+        yield endurance.Trial("clean", CLEAN, tmp_path_factory.mktemp("trial"))
+
+
+@pytest.fixture
+def trial(undisturbed, tmp_path):
+    """The same, with a folder, counts and expectations of its own."""
+    trial = copy(undisturbed)
+    trial.home, trial.counts, trial.expected = tmp_path, Counter(), dict(undisturbed.expected)
+    return trial
+
+
+def test_a_killed_command_loses_nothing(trial):
+    assert set(trial.expected) == {
+        "cube.h5",
+        *(f"cleaned{end}" for end in (".npy", ".html", "_foreground.npy", "_mixing.txt")),
+    }
+    endurance.kill(trial, 2, random.Random(1))
+    counts = trial.counts
+    assert counts["kills"] == 2 and counts["finished"] >= 1
+    assert not any(counts[name] for name in LOST) and not any(name.startswith("left") for name in counts)
+
+
+def test_a_full_disk_is_counted(trial):
+    class Small(random.Random):
+        def uniform(self, *ends):
+            return 3  # 1000 bytes: more than is said, less than a cube
+
+    endurance.fill_disk(trial, 1, Small())
+    assert trial.counts["full_disks"] == trial.counts["told_in_a_sentence"] == trial.counts["finished"] == 1
+    assert not trial.counts["done_all_the_same"] and not any(trial.counts[name] for name in LOST)
+
+
+@pytest.mark.parametrize(("code", "said"), [(1, "Error: no room"), (2, "Traceback"), (2, "Error: Traceback")])
+def test_an_end_without_a_sentence_is_no_sentence(trial, code, said):
+    place = trial.place()
+    place.errors.write_text(said)
+    endurance._count_end(trial, place, SimpleNamespace(wait=lambda: code), "Error: ")
+    assert trial.counts["told_in_a_sentence"] == trial.counts["done_all_the_same"] == 0
+
+
+def test_what_is_lost_or_left_is_counted(trial, monkeypatch):
+    trial.expected["cleaned.npy"] = "other bits"
+    place = trial.place()
+    (place.folder / "tmp" / "left").touch()
+    (place.folder / "work" / ".himap-left").mkdir()
+    (place.folder / "cache" / "product" / "unfinished-left").mkdir(parents=True)
+    monkeypatch.setattr(Place, "gone", lambda self: 1)
+    trial.finish(place)
+    left = {f"left_{name}": 1 for name in ("beside_outputs", "in_the_cache", "in_temporary_folders")}
+    assert trial.counts == {"other_results": 1, "processes_left": 1, "finished": 1, **left}
+    assert not place.folder.exists()

@@ -34,14 +34,6 @@ def good(here):
 
 
 class TestReading:
-    def test_the_unit_of_partial_maps_is_that_of_the_signal(self, maps, here):
-        (here / "folder").mkdir()
-        for n, pixels in enumerate(np.where(np.arange(N_PIX) < 150, maps, hp.UNSEEN)):
-            write_fits(f"folder/{n}.fits", pixels, partial=True)
-        assert np.array_equal(read_cube("folder", freqs=FREQS).maps, maps[:, :150])
-        with pytest.raises(InputError, match="the file says mK"):
-            read_cube("folder", freqs=FREQS, unit="K")
-
     def test_frequencies_that_are_those_of_the_file(self):
         assert read_cube("good.h5", freqs=FREQS.astype(np.float32)).freqs == pytest.approx(FREQS)
         with pytest.raises(InputError, match=r"file says \[ 950.  955. .*, but the list"):
