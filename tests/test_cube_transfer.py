@@ -44,6 +44,7 @@ def blue(rng, scale=1.0):
 
 
 BEAMS = np.ones((len(FREQS), 3 * NSIDE))
+WIDE = 1000 + 16.0 * np.arange(24)  # channels whose box of mocks has few cells
 POLYNOMIALS = Polynomial(order=4), Polynomial(order=3, variable="logarithm")
 
 
@@ -120,6 +121,7 @@ class TestMade:
         assert len(said) == coarse and all("too little HI at large k" in one for one in said)
 
     def test_beam_noise_and_seeds(self, cube):
+        cube = replace(cube, freqs=WIDE)
         beams = beams_of(cube, "degraded")
         one, two = draw_mocks(cube, beams, 2)
         again, *_ = draw_mocks(cube, beams, 1)
@@ -486,10 +488,10 @@ class TestCommands:
     @pytest.fixture
     def here(self, tmp_path, monkeypatch, rng, truth):
         monkeypatch.chdir(tmp_path)
-        write_hdf5("cube.h5", power_law_maps(rng) + truth)
-        write_hdf5("truth.h5", truth)
+        write_hdf5("cube.h5", power_law_maps(rng) + truth, WIDE)
+        write_hdf5("truth.h5", truth, WIDE)
         for n in range(2):
-            write_hdf5(f"mock{n}.h5", blue(rng))
+            write_hdf5(f"mock{n}.h5", blue(rng), WIDE)
         return tmp_path
 
     def test_transfer_with_made_mocks(self, here):
