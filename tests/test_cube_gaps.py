@@ -78,10 +78,9 @@ class TestTransfer:
         assert found.frequency[1] < 0.8
 
     @FEWER
-    @pytest.mark.parametrize("peaks", [False, True])
     @pytest.mark.parametrize("method", [PCA(n_sources=2), Polynomial(order=3)])
-    def test_a_mock_counts_nothing_in_a_gap(self, cube, rng, method, peaks):
-        cleaned = clean_cube(cube, method, peaks=peaks)
+    def test_a_mock_counts_nothing_in_a_gap(self, cube, rng, method):
+        cleaned = clean_cube(cube, method)
         mock = mock_of(cube, rng)
         disturbed = np.where(cube.missing, np.float32(1e6), mock)
         beams = np.ones((len(cube.freqs), 3 * cube.nside))

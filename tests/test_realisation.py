@@ -11,7 +11,7 @@ from himap.instrument.noise import noise_sigma
 from himap.measures.diagnostics import Comparison
 from himap.measures.spectra import AngularPower, FrequencyPower, PowerSpectra
 from himap.paper import cleaned, evidence, pipeline
-from himap.paper.methods import BEAM_AWARE, BSS, TABLE_1
+from himap.paper.methods import BEAM_AWARE, BSS
 from himap.paper.realisation import Realisation
 from himap.removal import Polynomial, SDecGMCA
 from himap.sky.galaxy import Dimming
@@ -82,17 +82,6 @@ def test_choices_that_do_not_concern_sdecgmca():
         expected = cleaned.compared(*call, average=average)
         assert np.array_equal(one._compare(call).angular, expected.angular)
     assert not np.array_equal(expected.angular, cleaned.compared(*call).angular)
-
-
-def test_every_assessment_that_the_claims_need():
-    """Six methods on seven cases, four on two, SDecGMCA with other settings and restarts, and the scan."""
-    *calls, two, three = SKY.assessments
-    assert len(calls) == 6 * 7 + 4 * 2 + 3 + 4 + 4
-    for case, method, *_ in calls:
-        assert getattr(method, "n_sources", None) in (None, TABLE_1[case.beam.name]["n_sources"])
-    assert [peaks for _, _, peaks in calls].count(False) == 3 * 6
-    assert [(call[1].name, call[1].n_sources) for call in (two, three)] == [("sdecgmca", 2), ("sdecgmca", 3)]
-    assert two[0] == SKY.cases["oscillating"][0]
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,3 @@ class TestGrid:
         square = sphere.analyse_grid(sphere.synthesise_grid(alm) ** 2, LMAX)[0].real / np.sqrt(4 * np.pi)
         degree = np.arange(LMAX + 1)
         assert square == pytest.approx((2 * degree + 1) @ sphere.power_spectrum(alm) / (4 * np.pi), rel=0.02)
-
-    def test_smaller_than_a_plain_grid(self):
-        assert sphere.synthesise_grid(np.zeros(sphere.alm_size(200))).size < 0.85 * 201 * 402
