@@ -117,14 +117,6 @@ def test_seeds_follow_that_of_the_survey_and_a_method_that_is_chaotic_has_restar
     assert [one.restart for one in first.members] == [0]
 
 
-def test_a_reading_is_an_option_of_the_method():
-    ((sky,),) = (one.members for one in skies(preset="ci", reading="letter", n_realisations=1, n_restarts=1))
-    assert sky.options == (("reading", "letter"),)
-    assert {method.reading for _, method, *_ in sky.assessments if method.name == "sdecgmca"} == {"letter"}
-    (sky,) = realisations(preset="ci", n_realisations=1)
-    assert sky.options == ()
-
-
 def test_a_tiny_sky_is_judged_from_end_to_end(monkeypatch, tmp_path):
     """Every row, from simulation to verdict; what lies beyond the maps is not evaluated.
 

@@ -57,27 +57,6 @@ def test_values_from_the_command_line(name, text, value):
     assert type(checked[name]) is type(value)
 
 
-@pytest.mark.parametrize(
-    "name, text, expected",
-    [
-        ("n_sources", "three", "a whole number, got 'three'"),
-        ("n_sources", "3.5", "a whole number, got 3.5"),
-        ("n_sources", "true", "a whole number, got True"),
-        ("n_sources", "null", "a whole number, got None"),
-        ("share", "half", "a number, got 'half'"),
-        ("masked", "1", "true or false, got 1"),
-        ("degrees", "3", "a list, got 3"),
-        ("options", "[]", "a dict such as .* got \\[\\]"),
-        ("options", "{[1]: 2}", "a dict such as .* got '{"),
-        ("degrees", "[" * 100_000, "a list, got '\\["),
-        ("n_max", "x", "a whole number or null, got 'x'"),
-    ],
-)
-def test_values_of_another_type_are_refused(name, text, expected):
-    with pytest.raises(InputError, match=f"parameter {name}( .*)? must be {expected}"):
-        check_parameters(DECLARED, parse_texts(DECLARED, {name: text}))
-
-
 def test_survey_fields_are_parameters_where_the_cell_has_a_survey():
     checked = check_parameters(DECLARED, {"preset": "ci", "nside": 32, "survey": {"n_channels": 50}})
     assert checked == {"preset": "ci", "survey": {"seed": 1, "n_channels": 50, "nside": 32}}
@@ -93,22 +72,3 @@ def test_survey_fields_are_parameters_where_the_cell_has_a_survey():
     for bad in [{"nside": 32}, {"preset": "ci"}]:
         with pytest.raises(InputError, match="unknown parameter"):
             check_parameters(alone, bad)
-
-
-@pytest.mark.parametrize(
-    "given, message",
-    [
-        ({"n_sorces": 3}, r"unknown parameter n_sorces \(did you mean n_sources\?\); .* share, .*seed"),
-        ({"nsid": 3}, "did you mean nside"),
-        ({"zzz": 3, "qqq": 1}, "unknown parameters zzz, qqq; there are preset, n_sources"),
-        ({"noise_reading": "power"}, "noise_reading must be deviation or variance"),
-        (parse_texts(DECLARED, {"noise_reading": "1"}), "noise_reading must be deviation or variance"),
-        ({"nside": 65}, "nside must be a power of two, got 65"),
-        ({"survey": {"nsides": 64}}, "unknown Survey field nsides"),
-        ({"preset": "big"}, "unknown preset 'big'; there are ci"),
-        ({"survey": {"seed": 7}, "seed": 8}, "seed given twice, alone and in survey"),
-    ],
-)
-def test_names_and_the_survey_are_checked_before_anything_runs(given, message):
-    with pytest.raises(InputError, match=message):
-        check_parameters(DECLARED, given)

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_parameters import DECLARED
 
 from himap import removal
-from himap.app.parameters import read_parameters
+from himap.app.parameters import check_parameters, parse_texts, read_parameters
 from himap.core.checks import checked_cube, whole_number
 from himap.core.errors import InputError
 from himap.core.memory import parse_size
@@ -24,7 +25,7 @@ from himap.instrument.beams import Degraded, Evolving, FromFile, Oscillating, na
 from himap.instrument.beams.base import REGISTRY as BEAMS
 from himap.maps import sphere
 from himap.maps.frames import is_nested
-from himap.maps.healpix_io import freq_in_header
+from himap.maps.healpix_io import freq_in_header, temperature_unit
 from himap.measures.cylindrical import cell_of, cylindrical_power
 from himap.measures.diagnostics import inside, mean_squared_error, ratio
 from himap.measures.low_rank_spectra import difference, frequency_power_without
@@ -103,6 +104,10 @@ def sensitivity_to(beam="evolving", method="beam_subspace", **given):
     return beam_sensitivity(clean_cube(CUBE, method, n_sources=2, beams=beams, peaks=False), beam, **given)
 
 
+def typed(**texts):
+    return check_parameters(DECLARED, parse_texts(DECLARED, texts))
+
+
 method = partial(partial, removal.create)
 weighted, masked = partial(clean, "pca", 16), partial(clean, "pca")
 subspace = partial(clean, "beam_subspace")
@@ -119,6 +124,32 @@ SIZES = "", "much", "0GB", "-1GB", "GB", "1e3", "3 PB", "nan", "2000TB", "9" * 4
 aware = partial(clean_cube, CUBE, "beam_subspace")
 UNCOUNTED = "polynomial", "gnilc"
 LINES = "x = 1", "x: int", "x: int = len('a')", "x: set = {1}", "print(1)"
+UNITS = "K_CMB", "Jy", "MJy/sr", "nK", "RJ", "K K", "mK_RJ_RJ"
+TYPED = [
+    ("n_sources", "three", "a whole number, got 'three'"),
+    ("n_sources", "3.5", "a whole number, got 3.5"),
+    ("n_sources", "true", "a whole number, got True"),
+    ("n_sources", "null", "a whole number, got None"),
+    ("share", "half", "a number, got 'half'"),
+    ("masked", "1", "true or false, got 1"),
+    ("degrees", "3", "a list, got 3"),
+    ("options", "[]", r"a dict such as .* got \[\]"),
+    ("options", "{[1]: 2}", "a dict such as .* got '{"),
+    ("degrees", "[" * 100_000, r"a list, got '\["),
+    ("n_max", "x", "a whole number or null, got 'x'"),
+]
+PASSED = [
+    ({"n_sorces": 3}, r"unknown parameter n_sorces \(did you mean n_sources\?\); .* share, .*seed"),
+    ({"nsid": 3}, "did you mean nside"),
+    ({"zzz": 3, "qqq": 1}, "unknown parameters zzz, qqq; there are preset, n_sources"),
+    ({"noise_reading": "power"}, "noise_reading must be deviation or variance"),
+    (parse_texts(DECLARED, {"noise_reading": "1"}), "noise_reading must be deviation or variance"),
+    ({"nside": 65}, "nside must be a power of two, got 65"),
+    ({"survey": {"nsides": 64}}, "unknown Survey field nsides"),
+    ({"preset": "big"}, "unknown preset 'big'; there are ci"),
+    ({"survey": {"seed": 7}, "seed": 8}, "seed given twice, alone and in survey"),
+]
+passed = partial(check_parameters, DECLARED)
 freq_of = partial(freq_in_header, path="a.fits")
 assumed, ADDITIVE = partial(assumed_beam, Oscillating()), Oscillating(ripple="additive")
 logarithm = partial(clean, "polynomial", parameters={"variable": "logarithm"})
@@ -331,6 +362,10 @@ TABLE = [
     *((partial(suggest, CUBE), "n_sources", n, "n_sources .*two or more .* in a row.* got") for n in COUNTS),
     *((parse_size, "text", size, "such as 16GB") for size in SIZES),
     *((read_parameters, "source", line, "name: type = default") for line in LINES),
+    *((typed, name, text, f"parameter {name}( .*)? must be {message}") for name, text, message in TYPED),
+    *((passed, "given", values, message) for values, message in PASSED),
+    *((temperature_unit, "text", text, f"brightness temp.* got unit {text!r}") for text in UNITS),
+    *((temperature_unit, "text", text, "brightness temperatures .*got no unit") for text in (None, "", " ")),
     *((is_nested, "order", text, "must be RING or NESTED") for text in ("", "SPIRAL", "NESTLE")),
     *((freq_of, "header", {"FREQ": bad}, "MHz, got .* in a.fits") for bad in ("950 MHz", True, np.inf)),
     (power_of_box, "maps", np.zeros((4, 9)), "shape"),
