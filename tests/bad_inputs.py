@@ -9,8 +9,18 @@ import h5py
 import healpy as hp
 import numpy as np
 from astropy.io import fits
-from cube_files import power_laws, write_container
-from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, power_law_images, write_image
+from cube_files import (
+    FREQ,
+    N_CHANNELS,
+    N_X,
+    N_Y,
+    SKY,
+    STOKES,
+    power_law_images,
+    power_laws,
+    write_container,
+    write_image,
+)
 
 NSIDE = 4
 N_PIX = 12 * NSIDE**2

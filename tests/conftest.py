@@ -118,8 +118,8 @@ def maps(rng):
 
 @pytest.fixture
 def images(rng):
-    """`image_files.power_law_images`."""
-    from image_files import power_law_images  # as above
+    """`cube_files.power_law_images`."""
+    from cube_files import power_law_images  # as above
 
     return power_law_images(rng)
 

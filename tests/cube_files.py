@@ -1,7 +1,8 @@
-"""A cube of one's own, in a file, and the commands on it."""
+"""A cube of one's own, in HDF5 or as images in FITS with world coordinates, and the commands on it."""
 
 import h5py
 import numpy as np
+from astropy.io import fits
 from click.testing import CliRunner
 
 from himap.app.cli.main import main
@@ -9,7 +10,7 @@ from himap.app.cli.main import main
 NSIDE = 16
 N_PIX = 12 * NSIDE**2
 FREQS = np.linspace(950, 1050, 24)
-STOKES = ("I", "Q", "U", "V")
+POLS = ("I", "Q", "U", "V")
 
 
 def power_laws(rng, freqs, *shape):
@@ -33,7 +34,7 @@ def write_hdf5(path, maps, freqs=FREQS, **attributes):
     return path
 
 
-def write_container(path, maps, freqs, *, pols=STOKES, axis=("freq", "pol", "pixel"), words="S5", **datasets):
+def write_container(path, maps, freqs, *, pols=POLS, axis=("freq", "pol", "pixel"), words="S5", **datasets):
     """A container of cora with maps (n_channels, n_pix), mK, as kelvin; Q, U and V have other numbers.
 
     `datasets`, with __ for /, are in place of its own, None for none.
@@ -51,6 +52,39 @@ def write_container(path, maps, freqs, *, pols=STOKES, axis=("freq", "pol", "pix
         dataset.attrs.update({"axis": np.array(axis).astype(words), "__memh5_distributed_dset": True})
         for name in (name for name, values in items.items() if values is not None):
             file[name] = items[name]
+
+
+N_CHANNELS, N_Y, N_X = 20, 12, 16
+FREQ = ("FREQ", 980e6, 1.0, 2e6, "Hz")
+SKY = {
+    "SIN": (("RA---SIN", 163.0, 8.0, -0.25, "deg"), ("DEC--SIN", 2.0, 6.0, 0.25, "deg")),
+    "CAR": (("GLON-CAR", 30.0, 8.0, -0.25, "deg"), ("GLAT-CAR", 0.0, 6.0, 0.25, "deg")),
+    "ZEA": (("RA---ZEA", 45.0, 8.0, -0.5, "deg"), ("DEC--ZEA", -30.0, 6.0, 0.5, "deg")),
+}
+STOKES = ("STOKES", 1.0, 1.0, 1.0, "")
+
+
+def header_of(axes, **more):
+    """A header with axes of (CTYPE, CRVAL, CRPIX, CDELT, CUNIT), in the order of FITS, and more cards."""
+    header = fits.Header()
+    for n, values in enumerate(axes, start=1):
+        for key, value in zip(("CTYPE", "CRVAL", "CRPIX", "CDELT", "CUNIT"), values, strict=True):
+            header[f"{key}{n}"] = value
+    header.update(more)
+    return header
+
+
+def power_law_images(rng):
+    """`power_laws` from 980 MHz in steps of 2, (20, 12, 16)."""
+    return power_laws(rng, 980 + 2 * np.arange(N_CHANNELS), N_Y, N_X)
+
+
+def write_image(path, maps, *, axes=(*SKY["SIN"], FREQ), kind=fits.PrimaryHDU, **more):
+    """An image cube as (..., n_y, n_x) in one HDU; cards as of `header_of`."""
+    hdu = kind(maps, header_of(axes, **({"BUNIT": "mK"} | more)))
+    hdus = [hdu] if kind is fits.PrimaryHDU else [fits.PrimaryHDU(), hdu]
+    fits.HDUList(hdus).writeto(path)
+    return path
 
 
 def run(*words, code=0):

@@ -38,3 +38,17 @@ def noisy(maps, decibel, rng):
 def largest_angle(one, two):
     """Sine of the largest angle between the spaces that two sets of columns span."""
     return np.sin(subspace_angles(one, two)[0])
+
+
+def similarity(one, two):
+    """Largest absolute correlation of every row of `one` with a row of `two`."""
+    return np.abs(np.corrcoef(one, two)[: len(one), len(one) :]).max(axis=1)
+
+
+def mixing_error(found, true):
+    """Mean absolute entry of A^+ A_true less the permutation with signs that fits best (C21, Eq. 33)."""
+    product = np.linalg.pinv(found) @ true
+    best = np.abs(product).argmax(axis=0)
+    assert sorted(best) == list(range(len(product)))  # each source found once
+    product = product[best] * np.sign(product[best].diagonal())[:, None]
+    return np.abs(product - np.eye(len(product))).mean()

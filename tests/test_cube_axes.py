@@ -12,7 +12,7 @@ import pytest
 from astropy.io import fits
 from astropy.wcs import WCS
 from bad_inputs import FREQS, N_PIX, good_maps, write_folder, write_hdf5
-from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, write_image
+from cube_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, write_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, save_cleaned

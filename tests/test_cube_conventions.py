@@ -9,8 +9,7 @@ import pytest
 from astropy.io import fits
 from bad_inputs import FREQS, N_PIX, NSIDE, SAID, good_maps, write_fits, write_folder, write_hdf5
 from conftest import little_room
-from cube_files import run
-from image_files import FREQ, N_CHANNELS, SKY, header_of, power_law_images, write_image
+from cube_files import FREQ, N_CHANNELS, SKY, header_of, power_law_images, run, write_image
 
 from himap.core.errors import InputError
 from himap.core.memory import LIMIT_VARIABLE

@@ -5,8 +5,7 @@ import healpy as hp
 import numpy as np
 import pytest
 from astropy.io import fits
-from cube_files import run, write_hdf5
-from image_files import FREQ, SKY, write_image
+from cube_files import FREQ, SKY, run, write_hdf5, write_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, save_cleaned

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from astropy import units as u
 from bad_inputs import FREQS, N_PIX, NSIDE, good_maps, write_cards, write_fits, write_hdf5
-from cube_files import run
-from image_files import N_CHANNELS, write_image
+from cube_files import N_CHANNELS, run, write_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, save_cleaned

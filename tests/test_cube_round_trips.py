@@ -14,10 +14,9 @@ from astropy.io import fits
 from astropy.utils.exceptions import AstropyWarning
 from astropy.wcs import WCS
 from click.testing import CliRunner
-from cube_files import write_hdf5
+from cube_files import SKY, STOKES, header_of, write_hdf5, write_image
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from image_files import SKY, STOKES, header_of, write_image
 
 from himap.app.cli.main import main
 from himap.cubes import clean_cube, read_cube, save_cleaned

@@ -4,8 +4,7 @@ import h5py
 import healpy as hp
 import numpy as np
 import pytest
-from cube_files import FREQS, N_PIX, run, write_hdf5
-from image_files import N_CHANNELS, N_X, N_Y, SKY, power_law_images, write_image
+from cube_files import FREQS, N_CHANNELS, N_PIX, N_X, N_Y, SKY, power_law_images, run, write_hdf5, write_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, save_cleaned

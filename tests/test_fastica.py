@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from gmca_twin import similarity
 from sklearn.decomposition import fastica
+from sparse_problem import similarity
 
 from himap.removal.fastica import FastICA
 from himap.removal.pca import PCA

@@ -5,10 +5,9 @@ import math
 import healpy as hp
 import numpy as np
 import pytest
-from cube_files import run
-from gmca_twin import mixing_error, plain_gmca, similarity
-from image_files import SKY, write_image
+from cube_files import SKY, run, write_image
 from scipy import ndimage
+from sparse_problem import mixing_error, similarity
 
 from himap.cubes import read_cube, suggest
 from himap.maps import sphere
@@ -78,6 +77,25 @@ def test_recovers_sparse_sources(rng, image, penalty):
     assert mixing_error(found.mixing, MIXING) < 0.03
     assert similarity(sources, found.sources).min() > 0.99
     assert similarity(sources, PCA(n_sources=3).clean(maps, freqs=FREQS).separation.sources).min() < 0.9
+
+
+def plain_gmca(maps, n_sources, matrices, n_iterations, n_falling, soft):
+    """GMCA as in its definition: the starlets of the whole cube, pseudo-inverses, sorted coefficients."""
+    starlets = np.concatenate([maps @ matrix.T for matrix in matrices], axis=1)
+    mixing = np.linalg.svd(maps, full_matrices=False)[0][:, :n_sources]
+    for iteration in range(n_iterations):
+        coefficients = np.linalg.pinv(mixing) @ starlets
+        for row in coefficients:
+            for scale in np.split(row, len(matrices)):
+                last = 3 * 1.4826 * np.median(np.abs(scale))
+                size = np.sort(np.abs(scale)[np.abs(scale) > last])
+                n_kept = int(np.ceil(min(1, (iteration + 1) / n_falling) * len(size)))
+                limit = last if n_kept == len(size) else size[-n_kept - 1]
+                kept = np.abs(scale) > limit
+                scale[:] = np.where(kept, scale - limit * np.sign(scale) * soft, 0)
+        mixing = starlets @ np.linalg.pinv(coefficients)
+        mixing /= np.linalg.norm(mixing, axis=0)
+    return mixing
 
 
 def phi(n_scales, nside):

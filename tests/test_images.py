@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 from astropy.wcs import WCS
-from cube_files import run
-from image_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, write_image
+from cube_files import FREQ, N_CHANNELS, N_X, N_Y, SKY, STOKES, run, write_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, measure_transfer, read_cube, save_cleaned

@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from gmca_twin import mixing_error
-from sparse_problem import BEAMS, LMAX, NSIDE, make_problem, noisy
+from sparse_problem import BEAMS, LMAX, NSIDE, make_problem, mixing_error, noisy
 
 from himap.core.errors import InputError
 from himap.maps import sphere
