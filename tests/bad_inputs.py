@@ -9,18 +9,7 @@ import h5py
 import healpy as hp
 import numpy as np
 from astropy.io import fits
-from cube_files import (
-    FREQ,
-    N_CHANNELS,
-    N_X,
-    N_Y,
-    SKY,
-    STOKES,
-    power_law_images,
-    power_laws,
-    write_container,
-    write_image,
-)
+from cube_files import FREQ, SKY, STOKES, power_law_images, power_laws, write_container, write_image
 
 NSIDE = 4
 N_PIX = 12 * NSIDE**2
@@ -476,12 +465,12 @@ add("good.h5 --mask m.fits --method beam_subspace --beam evolving",
     "there are 1 modes to l = 8, and 24 channels need as many", write_fits, "m.fits", spot)  # fmt: skip
 add("part.fits --mask m.fits", "no pixel that the cube sees", write_fits, "m.fits", spot[::-1])
 add("image.fits --mask m.fits", "m.fits must have the axes of the sky of the cube", write_image, "m.fits",
-    np.ones((N_Y, N_X)), axes=SKY["CAR"], BUNIT="")  # fmt: skip
+    np.ones_like(images[0]), axes=SKY["CAR"], BUNIT="")  # fmt: skip
 add("image.fits --mask m.npy", "m.npy must have the shape of an image", np.save, "m.npy",
-    np.ones((N_X, N_Y), bool))  # fmt: skip
+    np.ones_like(images[0].T, bool))  # fmt: skip
 add("good.h5 --mask m.npy", "m.npy must be one map", np.save, "m.npy", np.ones(SHAPE, bool))
 add("image.fits --mask m.fits --rotate", "only HEALPix maps are rotated", write_image, "m.fits",
-    np.ones((N_Y, N_X)), axes=SKY["SIN"], BUNIT="")  # fmt: skip
+    np.ones_like(images[0]), axes=SKY["SIN"], BUNIT="")  # fmt: skip
 add("good.h5 --mask m.fits", "ORDERING", change_cards, "mask.fits", "m.fits", ORDERING="''")
 add("good.h5 --weights m.fits", "must say ORDERING", change_cards, "mask.fits", "m.fits", ORDERING="''")
 
@@ -506,7 +495,7 @@ for word, values, message in (
     add(f"good.h5 --{word} w.npy", message, save, "w.npy", values)
 add("good.h5 --weights w.fits", "w.fits must be finite and 0 or more; 0 means not seen; 1 are not",
     write_fits, "w.fits", bad(np.inf)[0], column_units=None)  # fmt: skip
-ones, blank = np.ones(SHAPE), np.ones((N_CHANNELS, N_Y, N_X), "f4")
+ones, blank = np.ones(SHAPE), np.ones_like(images)
 descending = {"column_names": [f"{freq:g} MHz" for freq in FREQS[::-1]]}
 for word in ("weights", "flags"):
     both = {f"{place}/{word}": np.arange(n) for n, place in enumerate("ab", 3)}

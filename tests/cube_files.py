@@ -10,6 +10,8 @@ from himap.app.cli.main import main
 NSIDE = 16
 N_PIX = 12 * NSIDE**2
 FREQS = np.linspace(950, 1050, 24)
+WIDE = 1000 + 16.0 * np.arange(24)
+"""Channels whose box of mocks has few cells."""
 POLS = ("I", "Q", "U", "V")
 
 

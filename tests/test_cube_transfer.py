@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from astropy.cosmology import Planck18
-from cube_files import FREQS, N_PIX, NSIDE, power_law_maps, run, write_hdf5
+from cube_files import FREQS, N_PIX, NSIDE, WIDE, power_law_maps, run, write_hdf5
 
 from himap.core.errors import InputError
 from himap.cubes import beams_of, clean_cube, correct, measure_transfer, read_cube
@@ -44,7 +44,6 @@ def blue(rng, scale=1.0):
 
 
 BEAMS = np.ones((len(FREQS), 3 * NSIDE))
-WIDE = 1000 + 16.0 * np.arange(24)  # channels whose box of mocks has few cells
 POLYNOMIALS = Polynomial(order=4), Polynomial(order=3, variable="logarithm")
 
 

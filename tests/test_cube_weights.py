@@ -4,7 +4,7 @@ import h5py
 import healpy as hp
 import numpy as np
 import pytest
-from cube_files import FREQS, N_CHANNELS, N_PIX, N_X, N_Y, SKY, power_law_images, run, write_hdf5, write_image
+from cube_files import FREQS, N_CHANNELS, N_PIX, N_X, N_Y, SKY, WIDE, run, write_hdf5, write_image
 
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, correct, measure_transfer, read_cube, save_cleaned
@@ -201,15 +201,16 @@ class TestCommands:
             blind = (hits == 0) | (np.arange(24) == 7)[:, None]
             assert np.array_equal(np.isnan(one["foreground"]), blind)
 
-    def test_transfer(self, flags, rng):
+    def test_transfer(self, maps, flags, rng):
         """Of mocks from files, and of such that are made, the channel that is left out is left out."""
         np.save("flags.npy", flags)
-        write_hdf5("mock.h5", rng.standard_normal(SHAPE).astype(np.float32))
+        for name, rows in (("cube", maps), ("mock", rng.standard_normal(SHAPE).astype(np.float32))):
+            write_hdf5(f"{name}.h5", rows, WIDE)
         words = ["--method", "polynomial", "-p", "order=3", "--beam", "meerkat:band=L"]
         for n, mocks in enumerate(("mock.h5", "1")):
             files = ["--flags", "flags.npy", "--mocks", mocks, "-o", f"out{n}.html"]
             outcome = run("transfer", "cube.h5", *words, *files)
-            assert "The beams, meerkat:band=L, have a FWHM of 1.5" in outcome.output
+            assert "The beams, meerkat:band=L, have a FWHM of 1.4" in outcome.output
 
 
 class TestImages:
@@ -243,9 +244,9 @@ class TestImages:
         for weights, bad in ((hits, flags), ("hits.npy", "flags.npy")):
             assert np.array_equal(read_cube("cube.fits", weights=weights, flags=bad).weights, expected)
 
-    def test_one_for_each_channel_by_its_own_header(self, flags):
+    def test_one_for_each_channel_by_its_own_header(self, images, flags):
         """In a file whose frequencies descend as those of the cube; NaN is bad."""
-        write_image("down.fits", power_law_images(np.random.default_rng(1)), axes=(*SKY["SIN"], DOWN))
+        write_image("down.fits", images, axes=(*SKY["SIN"], DOWN))
         bad = flags.astype(np.float32)
         bad[bad == 1] = np.nan
         write_image("flags.fits", bad, axes=(*SKY["SIN"], DOWN))

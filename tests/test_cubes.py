@@ -207,9 +207,10 @@ class TestCommand:
     OPTIONS = [word for name, value in QUICK.items() for word in ("-p", f"{name}={value}")]
     WORDS = ["--method", "sdecgmca", "--beam", "evolving", *OPTIONS]
 
-    def test_what_is_written(self, path, monkeypatch):
+    def test_what_is_written(self, path, rng, monkeypatch):
         monkeypatch.chdir(path.parent)
-        done = run("clean", path, *self.WORDS, "--restarts", 3, "--mocks", 1, "-o", "c.h5")
+        mock = write_hdf5("mock.h5", rng.standard_normal((24, N_PIX)).astype(np.float32))
+        done = run("clean", path, *self.WORDS, "--restarts", 3, "--mocks", mock, "-o", "c.h5")
         assert "over the medoid" in done.output and "the medoid of 3, of which" in done.output
         with h5py.File("c.h5") as file:
             about = dict(file.attrs)
