@@ -26,33 +26,38 @@
 # > - **Good to know**: what a power spectrum is.
 # > - **Time and memory**: {cost}`00_the_answer`.
 #
-# **SDecGMCA, the method of {cite:t}`carloni2021` that {cite:t}`gkogkou2025` apply, is chaotic through the
-# oscillating beam, in the public code as in himap**: a relative change of its start by $10^{-10}$ changes the
-# column space of the mixing matrix within ten iterations (sine of the largest angle, in the median at least
-# {glue:text}`27_restarts.ipynb::restarts_late:s` from then on), and these runs do not reach the paper's
-# stopping rule ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at $10 < \ell < 200$ exceeds 10 %, and may
-# then be off by orders of magnitude: through the oscillating beam
-# {glue:text}`15_claims.ipynb::claims_failing:s` runs fail (skies times restarts, the *members* of an ensemble).
-# Runs that do not fail deviate from the truth by some per cent in that range, and by more at lower $\ell$ and at
-# the smallest $k_\nu$. **What holds all the same**: fits along
-# each line of sight fail where the beam oscillates with frequency, and with the paper's numbers of components
-# SDecGMCA is, where a run does not fail, the most accurate of the paper's six methods through the oscillating
-# beam, and its largest error over the three beams is the smallest of the six; through the degraded beam all
-# but the polynomial fit, at its low ends, differ little. PCA with six components, more than the paper gives it, does not fail and is comparable to the
-# median of SDecGMCA at `quick`, a quarter of the paper's resolution, where SDecGMCA fails on
-# {glue:text}`25_side_by_side.ipynb::side_failed:s` of {glue:text}`25_side_by_side.ipynb::side_total:s` skies; at
-# `laptop` PCA needs more than six ({doc}`25_side_by_side`). **For your data** compare several restarts of
-# SDecGMCA, or use a method without a chaotic iteration, such as BeamSubspace, which with as many sources loses
-# more HI at low $\ell$ ([a table by what you have](what-to-use)).
+# **SDecGMCA, the method of {cite:t}`carloni2021` applied by {cite:t}`gkogkou2025`, is chaotic with the
+# oscillating beam, both in the public code and in himap.** A relative change of its start by $10^{-10}$
+# changes the column space of the mixing matrix within ten iterations (sine of the largest angle, in the
+# median at least {glue:text}`27_restarts.ipynb::restarts_late:s` from then on), and these runs do not reach
+# the paper's stopping rule ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at
+# $10 < \ell < 200$ exceeds 10 %, and may then be off by orders of magnitude. With the oscillating beam
+# {glue:text}`15_claims.ipynb::claims_failing:s` runs fail (skies times restarts, the *members* of an
+# ensemble). Runs that do not fail deviate from the truth by a few per cent in that range, and by more at
+# lower $\ell$ and at the smallest $k_\nu$.
 #
-# This page quotes an ensemble of runs, on the real Galaxy, at half the paper's resolution (`laptop`) and in
-# the default *reading* (interpretation of the text), which follows the paper up to $\ell = 200$ but for [what all readings
-# share](sdecgmca-reading) ({doc}`16_readings`). Of the
+# **These conclusions hold nevertheless.** Fits along each line of sight fail if the beam oscillates with
+# frequency. With the paper's numbers of components, and if its run does not fail, SDecGMCA is the most
+# accurate of the paper's six methods with the oscillating beam, and its largest error over the three beams is
+# the smallest of the six. With the degraded beam all methods differ little, except the polynomial fit at the
+# low ends of both spectra. PCA with six components, more than in the paper, does not fail and is comparable
+# to the median of SDecGMCA at `quick`, a quarter of the paper's resolution, where SDecGMCA fails on
+# {glue:text}`25_side_by_side.ipynb::side_failed:s` of {glue:text}`25_side_by_side.ipynb::side_total:s` skies;
+# at `laptop` PCA needs more than six ({doc}`25_side_by_side`).
+#
+# **For your data**, compare several restarts of SDecGMCA, or use a method without a chaotic iteration, such
+# as BeamSubspace, which with as many sources loses more HI at low $\ell$ ([a table by what you
+# have](what-to-use)).
+#
+# This page quotes an ensemble of runs with the real Galaxy, at half the paper's resolution (`laptop`) and in
+# the default *reading* (interpretation of the text), which follows the paper up to $\ell = 200$ except for
+# [what all readings share](sdecgmca-reading) ({doc}`16_readings`). Of the
 # {glue:text}`15_claims.ipynb::claims_sd:s` claims on SDecGMCA
 # {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part,
-# {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs, and in others fail
-# or have nothing to hold for, such as a peak to lower) and {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not; of the
+# {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs, and in others
+# fail or cannot be tested, for lack of a peak to lower, say) and
+# {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not. Of the
 # {glue:text}`15_claims.ipynb::claims_others:s` other claims the same counts are
 # {glue:text}`15_claims.ipynb::claims_others_reproduced:s`,
 # {glue:text}`15_claims.ipynb::claims_others_in_part:s`,
@@ -70,16 +75,16 @@
 # | not reproduced | all that apply are not reproduced |
 # | undecided | any other |
 #
-# Each verdict is followed by how many of the claims' main parts on SDecGMCA (SD) hold.
+# Each verdict is followed by the number of the claims' main parts on SDecGMCA (SD) that hold.
 #
-# The first column of verdicts is of {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and
-# restarts, the second of {glue:text}`answer_large_restarts` restarts on one sky at the paper's size (`nside`
-# 256, 500 channels, and an HI box of 1024³ cells; {doc}`18_paper_size` has the paper's 2048³ too), without
-# the scan over the number of sources. Brackets after a number give the 16 to 84 % range of the members; after a
-# share, its range over skies or, for a single sky, the $1\,\sigma$ interval over restarts. {doc}`15_claims` lists
-# the records in which the failing parts hold. The figures are of that size, with the median and 16 to 84 % of eight restarts of SDecGMCA
-# (one in the scan).
-# {doc}`../book/status` states which of the records and figures are stale.
+# The first column of verdicts is from {glue:text}`answer_skies` × {glue:text}`answer_restarts` skies and
+# restarts. The second is from {glue:text}`answer_large_restarts` restarts on one sky at the paper's size
+# (`nside` 256, 500 channels, and an HI box of 1024³ cells; {doc}`18_paper_size` also has the paper's 2048³),
+# without the scan over the number of sources. Brackets after a number give the 16 to 84 % range of the
+# members; after a share, its range over skies or, for a single sky, the $1\,\sigma$ interval over restarts.
+# {doc}`15_claims` lists the records in which the failing parts hold. The figures are at the paper's size,
+# with the median and 16 to 84 % range of eight restarts of SDecGMCA (one in the scan). {doc}`../book/status`
+# states which of the records and figures are stale.
 
 # %% tags=["parameters", "remove-input"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -172,8 +177,8 @@ Table(
 )
 
 # %% [markdown]
-# Through the degraded beam all methods but the polynomial fit (lowest $\ell$) agree with the truth; through
-# the other two fewer do:
+# With the degraded beam all methods agree with the truth, except the polynomial fit at the lowest $\ell$;
+# with the other two beams fewer do:
 
 # %% tags=["remove-input"]
 angular = stored_curves(large, "fig-results-angular", folder)
@@ -218,8 +223,8 @@ panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
 
 # %% [markdown]
-# The frequency power spectra: with the oscillating beam PCA, FastICA, GMCA and both fits have a peak at
-# $k_\nu = 0.3$ MHz$^{-1}$, and so do some runs of SDecGMCA.
+# In the frequency power spectra PCA, FastICA, GMCA and both fits have a peak at $k_\nu = 0.3$ MHz$^{-1}$ with
+# the oscillating beam, and so do some runs of SDecGMCA.
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-results-frequency", folder))
@@ -235,11 +240,11 @@ Markdown(picture(large, "fig-results-frequency", folder))
 claims_of(1)
 
 # %% [markdown]
-# **The methods recover both spectra, the polynomial fit not at their low ends**: foreground residual in the
-# Galactic plane gives it an excess at the lowest $\ell$ and at $0.03 < k_\nu < 0.06$ MHz$^{-1}$
-# ({doc}`07_polynomial`). That is less than 5 % of the $k_\nu$, which are evenly spaced, so that D2 holds for it.
-# At $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper, which calls the loss small;
-# the polynomial loses most.
+# **The methods recover both spectra, except the polynomial fit at their low ends.** Foreground residual in
+# the Galactic plane gives it an excess at the lowest $\ell$ and at $0.03 < k_\nu < 0.06$ MHz$^{-1}$
+# ({doc}`07_polynomial`). This is less than 5 % of the evenly spaced $k_\nu$, so D2 holds for it. At
+# $k_\nu < 0.03$ MHz$^{-1}$ every method loses power, as in the paper, which calls the loss small; the
+# polynomial fit loses most.
 #
 # ## 2. The evolving beam
 
@@ -247,19 +252,20 @@ claims_of(1)
 claims_of(2)
 
 # %% [markdown]
-# **The parametric fit fails, as in the paper, and SDecGMCA recovers $C_\ell$ in most members; PCA and
-# FastICA do so where HI is brighter, and narrowly miss the paper's "approximately 10 %" at its size with the
-# box of the figures.** The beam adds spectral modes to the foreground at the highest
-# multipoles: in the median member the worst of these three methods has 95 % of its multipoles within
+# **The parametric fit fails, as in the paper, and SDecGMCA recovers $C_\ell$ in most members. PCA and FastICA
+# recover it only if HI is brighter, and narrowly miss the paper's "approximately 10 %" at its size with the
+# box of the figures.** The beam adds spectral modes to the foreground at the highest multipoles. In the
+# median member the worst of these three methods has 95 % of its multipoles within
 # {glue:text}`answer_evolving` of the truth at `laptop`, within {glue:text}`answer_evolving_pictures` at the
-# paper's size with the box of the figures and within {glue:text}`answer_evolving_large` with the paper's
-# box (one run, in an [earlier default](readings-default) of SDecGMCA). HI is brighter in finer cells, pixels
-# and channels: the decimal logarithm of the rms of the foregrounds over that of HI
-# is {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. At
-# `quick` a fifth component removes these modes ({doc}`22_how_many`). GMCA has a larger excess than PCA at the
-# smallest multipoles and at $k_\nu < 0.2$ MHz$^{-1}$, as in the paper. At the intermediate multipoles its mean is
-# below what E3 asks of a clear excess, except on the one sky where HI is smoothed ({doc}`18_paper_size`); at the
-# paper's size the excess ends near $\ell = 20$.
+# paper's size with the box of the figures, and within {glue:text}`answer_evolving_large` with the paper's box
+# (one run, in an [earlier default](readings-default) of SDecGMCA). HI is brighter in finer cells, pixels and
+# channels: the decimal logarithm of the rms ratio of foregrounds to HI is {glue:text}`answer_orders`,
+# {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. At `quick` a fifth component
+# removes these modes ({doc}`22_how_many`).
+#
+# GMCA has a larger excess than PCA at the smallest multipoles and at $k_\nu < 0.2$ MHz$^{-1}$, as in the
+# paper. At the intermediate multipoles its mean is below the clear excess that E3 requires, except on the one
+# sky where HI is smoothed ({doc}`18_paper_size`); at the paper's size the excess ends near $\ell = 20$.
 #
 # ## 3. The oscillating beam
 
@@ -267,28 +273,31 @@ claims_of(2)
 claims_of(3)
 
 # %% [markdown]
-# **With the paper's numbers of components, SDecGMCA is the most accurate of the six through this beam, where
-# its run does not fail**: within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median of all
-# members; the paper: 5 %). At the paper's size, on one sky, it is within 5 % in
-# {glue:text}`answer_large_held` of the ledger's {glue:text}`answer_large_restarts` restarts and in
+# **With the paper's numbers of components, SDecGMCA is the most accurate of the six methods with this beam if
+# its run does not fail.** It is within {glue:text}`answer_oscillating` of the truth at 95 % of the multipoles
+# $10 < \ell < 200$ (median of all members; the paper: 5 %). At the paper's size, on one sky, it is within 5 %
+# in {glue:text}`answer_large_held` of the ledger's {glue:text}`answer_large_restarts` restarts and in
 # {glue:text}`answer_figures_held` of the {glue:text}`answer_figures_restarts` of the first figure, of which
-# {glue:text}`answer_figures_again` are the same runs as in the ledger. Of the {glue:text}`answer_all_restarts`
-# different runs {glue:text}`answer_all_failed` fail; for all of them together O3 would be
-# *{glue:text}`answer_all_verdict`* and V7, that SDecGMCA is robust, *{glue:text}`answer_all_robust`*
-# ({doc}`18_paper_size`). O3 is judged by the ratio of the means over channels; with the mean of the ratios of
-# single channels, or in the middle channel, it does not hold in the one run that was compared ({ref}`other-choices`). PCA,
-# without knowledge of the beam, needs more components, one more at `quick` and more than one at `laptop`
-# ({doc}`25_side_by_side`): on the synthetic Galaxy of {doc}`10_results` with one more its mean $C/C_0$ at $10
-# < \ell < 128$ is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`, that of SDecGMCA
-# {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts, of
+# {glue:text}`answer_figures_again` are the same runs as in the ledger. Of the
+# {glue:text}`answer_all_restarts` different runs {glue:text}`answer_all_failed` fail. For all of them
+# together O3 would be *{glue:text}`answer_all_verdict`*, and V7 (SDecGMCA is robust)
+# *{glue:text}`answer_all_robust`* ({doc}`18_paper_size`). O3 is judged by the ratio of the means over
+# channels. With the mean of the ratios of single channels, or in the middle channel, it does not hold in the
+# one run that was compared ({ref}`other-choices`).
+#
+# PCA, which does not know the beam, needs more components: one more at `quick` and more than one at `laptop`
+# ({doc}`25_side_by_side`). On the synthetic Galaxy of {doc}`10_results` its mean $C/C_0$ at $10 < \ell < 128$
+# with one more component is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`; that of SDecGMCA
+# is {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts, of
 # which {glue:text}`10_results.ipynb::results_oscillating_failed:s` failed).
-# {glue:text}`answer_peak` of the members of SDecGMCA have the paper's peak at $k_\nu = 0.3$, and
-# {glue:text}`answer_excess` its excess at low $k_\nu$; at the paper's size
-# {glue:text}`answer_large_peak` and {glue:text}`answer_large_excess` of the restarts. That SDecGMCA suppresses
-# the peak, as the conclusion says, holds: in {glue:text}`answer_lowest` of the members its $P/P_0$ there is the
-# lowest; O4 also asks for a peak, which most members do not have. Beyond
-# $\ell = 200$ O6 is judged with the regularised inversion, not the default's projection. {doc}`27_restarts`
-# has the probability of failure, {doc}`16_readings` the dependence on the reading.
+#
+# Of the members of SDecGMCA {glue:text}`answer_peak` have the paper's peak at $k_\nu = 0.3$, and
+# {glue:text}`answer_excess` its excess at low $k_\nu$; at the paper's size {glue:text}`answer_large_peak` and
+# {glue:text}`answer_large_excess` of the restarts do. SDecGMCA suppresses the peak, as the conclusion states:
+# its $P/P_0$ there is the lowest in {glue:text}`answer_lowest` of the members. O4 also requires a peak, which
+# most members lack. Beyond $\ell = 200$ O6 is judged with the regularised inversion, not with the default's
+# projection. {doc}`27_restarts` gives the probability of failure, {doc}`16_readings` the dependence on the
+# reading.
 #
 # ## 4. The number of sources
 
@@ -296,18 +305,19 @@ claims_of(3)
 claims_of(4)
 
 # %% [markdown]
-# The figure has one restart for each number of sources ({doc}`11_ns_scan`).
+# The figure shows one restart for each number of sources ({doc}`11_ns_scan`).
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-ns-scan-mse", folder))
 
 # %% [markdown]
 # **The result is sensitive to the number of sources, and in {glue:text}`answer_optimum` of the members the
-# relative total error is least at 5, 6 or 7** (a main part of N4; with a logarithmic or absolute error in
-# {glue:text}`answer_optimum_logarithmic` and {glue:text}`answer_optimum_absolute`). With too few the residual contains foreground; with too many
-# PCA loses HI, and in SDecGMCA foreground residual returns ({doc}`11_ns_scan`). The scan of the ledger ends at 8;
-# in one to 20 ({ref}`scan-to-20`) N2, that 10 and more are worse, is *{glue:text}`15_claims.ipynb::claims_scan_n2:s`*.
-# {doc}`22_how_many` chooses the number without the truth.
+# relative total error is smallest at 5, 6 or 7** (a main part of N4; with a logarithmic or absolute error in
+# {glue:text}`answer_optimum_logarithmic` and {glue:text}`answer_optimum_absolute`). With too few sources the
+# residual contains foreground. With too many, PCA loses HI, and the foreground residual of SDecGMCA increases
+# again ({doc}`11_ns_scan`). The scan of the ledger ends at 8; in a scan to 20 ({ref}`scan-to-20`) N2 (10 and
+# more are worse) is *{glue:text}`15_claims.ipynb::claims_scan_n2:s`*. {doc}`22_how_many` chooses the number
+# without the truth.
 #
 # ## 5. Masks
 
@@ -318,11 +328,10 @@ claims_of(5)
 Markdown(picture(large, "fig-dimmed-spectra", folder))
 
 # %% [markdown]
-# **Masks improve PCA, FastICA and GMCA.** Of the members of SDecGMCA post-masking improves
-# {glue:text}`answer_masked`, dimming {glue:text}`answer_dimmed`. Masks remove
-# foreground residuals in the Galactic plane, where a run has them; dimming, which changes the maps, also acts
-# as a restart
-# ({doc}`12_post_masking`, {doc}`13_dimmed_galaxy`).
+# **Masks improve PCA, FastICA and GMCA.** Post-masking improves {glue:text}`answer_masked` of the members of
+# SDecGMCA, dimming {glue:text}`answer_dimmed`. Masks remove foreground residual in the Galactic plane if a
+# run has it; dimming, which changes the maps, also acts as a restart ({doc}`12_post_masking`,
+# {doc}`13_dimmed_galaxy`).
 #
 # ## Further reading
 #

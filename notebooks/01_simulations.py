@@ -25,8 +25,8 @@
 # > - **Time and memory**: {cost}`01_simulations`.
 #
 # The 21 cm line of neutral hydrogen (HI), emitted at 1420.4 MHz, is observed at
-# $\nu = 1420.4\ \mathrm{MHz} / (1 + z)$: a map at one frequency shows the hydrogen at one distance, between
-# 900 and 1400 MHz at $z < 0.58$. The foregrounds are about ten thousand times brighter. This chapter
+# $\nu = 1420.4\ \mathrm{MHz} / (1 + z)$. A map at one frequency shows the hydrogen at one distance; the band
+# from 900 to 1400 MHz covers $z < 0.58$. The foregrounds are about ten thousand times brighter. This chapter
 # simulates both, as {cite:t}`gkogkou2025` do in their Sect. 2.1.
 
 # %% tags=["parameters"]
@@ -94,9 +94,10 @@ def stamped(figure, source=milky_way):
 # ```
 #
 # The linear velocities of the box displace HI along the line of sight by $f D\,\psi_r$, with
-# $\boldsymbol{\psi}_k = i\,\boldsymbol{k}\,\delta_k/k^2$ and the growth rate $f$ {cite:p}`kaiser1987`. Rays through the box collect it into channels.
+# $\boldsymbol{\psi}_k = i\,\boldsymbol{k}\,\delta_k/k^2$ and the growth rate $f$ {cite:p}`kaiser1987`. HI is
+# collected into channels along rays through the box.
 #
-# Simulated maps scatter around {eq}`eq-mean-temperature` most near the top of the band, where a channel is a
+# Simulated maps scatter most around {eq}`eq-mean-temperature` near the top of the band, where a channel is a
 # small shell.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-hi-mean", "caption": "Mean HI brightness temperature of every channel: simulated maps (dots) and theory (line)."}}
@@ -145,11 +146,11 @@ stamped(
 # (simulations-resolution)=
 # ### Resolution and smoothing
 #
-# Voxels (a pixel times a channel) are smaller than a cell of the box above {glue:text}`simulations_voxel`,
-# and with the paper's box, pixels and channels above {glue:text}`simulations_voxel_paper`; HI has no
-# structure below the cell. The table has the ratio of CRIME to himap before any beam, with the paper's
-# cosmology, bias and HI abundance, the same Fourier modes, a box of 512³ cells, nside 64 and channels of 4
-# MHz. The ratios are stored, as CRIME is not part of himap.
+# Above {glue:text}`simulations_voxel` voxels (one pixel in one channel) are smaller than a cell of the box
+# (with the paper's box, pixels and channels above {glue:text}`simulations_voxel_paper`). HI has no structure
+# below the cell. The table shows the ratio of CRIME to himap before any beam, with the paper's cosmology,
+# bias and HI abundance, the same Fourier modes, a box of 512³ cells, nside 64 and channels of 4 MHz. The
+# ratios are stored, as CRIME is not part of himap.
 
 # %% tags=["hide-input"]
 CRIME = [
@@ -163,18 +164,18 @@ quote(simulations_crime_low=CRIME[-1][2].rpartition("–")[2], simulations_crime
 Table(head, CRIME, align="l" + 5 * "r")
 
 # %% [markdown]
-# The codes agree where a voxel contains many cells. In the nearest channels neither is converged: CRIME
-# counts ten points per cell, whose noise adds power; interpolation between cells in himap removes power.
-# Above 1300 MHz the codes agree in the mean temperature, and in $C_\ell$ at the lowest $\ell$ only: the ratio
-# grows to {glue:text}`simulations_crime_low` at $\ell \approx 50$ and to {glue:text}`simulations_crime_high`
-# beyond 100; the brightest voxels differ too. Through a beam of 1.66° ({doc}`02_beams_and_noise`)
-# the power along the line of sight, $P(k_\nu)$ ({eq}`eq-frequency-power`), agrees to 6 % above 1300 MHz.
-# CRIME also has half the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower
-# velocities, as differences of neighbouring cells; himap has neither.
+# The codes agree if a voxel contains many cells. In the nearest channels neither is converged: CRIME counts
+# ten points per cell, whose noise adds power; interpolation between cells in himap removes power. Above 1300
+# MHz the codes agree in the mean temperature, but in $C_\ell$ only at the lowest $\ell$: the ratio grows to
+# {glue:text}`simulations_crime_low` at $\ell \approx 50$ and to {glue:text}`simulations_crime_high` beyond
+# 100; the brightest voxels differ too. Through a beam of 1.66° ({doc}`02_beams_and_noise`) the power along
+# the line of sight, $P(k_\nu)$ ({eq}`eq-frequency-power`), agrees to 6 % above 1300 MHz. CRIME also has half
+# the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower velocities, because it computes
+# them as differences of neighbouring cells; neither applies to himap.
 #
 # CRIME's option `r_smooth` multiplies the modes of the matter by $e^{-k^2 r^2/2}$, which affects density and
-# velocities. Its sample file has 2 Mpc/h, its script with the paper's cosmology none; the paper does not
-# mention it, and the default of himap is 0. In a smaller box with cells of
+# velocities. Its sample file sets 2 Mpc/h, its script with the paper's cosmology none. The paper does not
+# mention the option, and the default of himap is 0. In a smaller box with cells of
 # {glue:text}`simulations_near_cell`, at {glue:text}`simulations_near` and through the degraded beam, 2 Mpc/h
 # reduces the share of voxels beyond $5\,\sigma$ of their line of sight ({doc}`03_peak_masking`) from
 # {glue:text}`simulations_flagged` to {glue:text}`simulations_flagged_smooth`, and the brightest voxel from
@@ -237,11 +238,11 @@ quote(
 
 # %% [markdown]
 # With cells as small as the paper's the two codes flag nearly the same share of voxels (brightest voxel and
-# spectra were not compared there). The cell changes this share little, and the brightest voxel and both powers
-# far more; the smoothing changes everything shown. Each row is a pair of runs,
-# whose band and beam are not stored; the row of `r_smooth` starts from another run, so that cell and smoothing
-# cannot be ranked. Claims B1 to B3 and D3 may depend on both: {doc}`18_paper_size` judges them with either.
-# At the smaller presets the cell smooths more than 2 Mpc/h does.
+# spectra were not compared there). The cell size has little effect on this share, and far more on the
+# brightest voxel and both power spectra; smoothing changes all quantities shown. Each row is a pair of runs,
+# whose band and beam are not stored. The row of `r_smooth` starts from another run, so cell size and
+# smoothing cannot be ranked. Claims B1 to B3 and D3 may depend on both: {doc}`18_paper_size` judges them with
+# either. At the smaller presets the cells smooth more than 2 Mpc/h does.
 
 # %% tags=["hide-input"]
 CHOICES = [
@@ -261,10 +262,10 @@ head = ["choice", "", "flagged, 10⁻³", "brightest, mK", "P at low k, mK² MHz
 Table(head, CHOICES, align="ll" + 4 * "r")
 
 # %% [markdown]
-# The paper's box has 2048³ cells. Such a field, with the Fourier modes of the box of 1024³ cells of the same
-# seed and those beyond, is compared with that box, and with another draw of 512³ cells, over the band of the
-# paper at `nside` 256; “through the beam” is through the degraded one. Spectra are relative to those of 2048³
-# cells, whose values are in the last column.
+# The paper's box has 2048³ cells. Such a field contains the Fourier modes of the box of 1024³ cells with the
+# same seed, and smaller scales. It is compared with that box and with another draw of 512³ cells, over the
+# band of the paper at `nside` 256; “through the beam” refers to the degraded beam. Spectra are relative to
+# those of 2048³ cells, whose values are in the last column.
 
 # %% tags=["hide-input"]
 record = Record.load(EXPERIMENT, boxes or RESULTS / "boxes_paper.json")
@@ -272,12 +273,11 @@ several = table_of(record.rows)
 Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", note=record.made.footer())
 
 # %% [markdown]
-# The mean temperature and the share of voxels beyond $5\,\sigma$ depend little on the cell. The brightest
-# voxel and all spectra do: a channel is about as thick as a cell of 1024³, so that $C_\ell$ of a channel has
-# power from modes along the line of sight that a coarser box lacks, at every $\ell$, and most in the nearest
-# channels.
-# Ratios to the truth, on which the claims are judged, are of one box each; {doc}`18_paper_size` judges them
-# with the paper's.
+# The mean temperature and the share of voxels beyond $5\,\sigma$ depend little on the cell size. The
+# brightest voxel and all spectra do. A channel is about as thick as a cell of 1024³, so its $C_\ell$ has
+# power from modes along the line of sight that a coarser box lacks, at every $\ell$ and most in the nearest
+# channels. The claims are judged on ratios to the truth of the same box; {doc}`18_paper_size` judges them
+# with the paper's box.
 
 # %% [markdown]
 # ## The foregrounds
@@ -292,7 +292,7 @@ Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", not
 # ```
 #
 # with an index near $-3$ that varies over the sky for synchrotron and $-2.14$ everywhere for free-free
-# emission, so that the foregrounds have more than one spectrum. The paper uses the maps of PySM
+# emission. The foregrounds therefore have more than one spectrum. The paper uses the maps of PySM
 # {cite:p}`thorne2017,zonca2021`: the 408 MHz survey {cite:p}`haslam1982,remazeilles2015` and an index map
 # {cite:p}`miville2008`. The parameter `galaxy` chooses
 #
@@ -301,7 +301,7 @@ Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", not
 #   {cite:p}`miville2007,thorne2017`;
 # - `synthetic` (default), drawn with the statistics of the real maps ([conventions](../book/conventions.md)).
 #
-# Only synchrotron and free-free emission are concentrated in the plane.
+# Only synchrotron and free-free emission are concentrated in the Galactic plane.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-galaxy", "caption": "The Galaxy of this run: synchrotron emission at 408 MHz, its spectral index, free-free emission at 30 GHz, and point sources at 1.4 GHz. Colours are logarithmic except for the index."}}
 synchrotron, free_free, sources = pipeline.components_of_sky(sky.sky, milky_way)
@@ -322,8 +322,8 @@ stamped(
 
 # %% [markdown]
 # {numref}`fig-galaxy-beside` compares the synthetic Galaxy with PySM's maps, {numref}`fig-galaxy-statistics`
-# with the statistics to which it is calibrated. The synthetic Galaxy lacks the coherent clouds of the
-# real sky (Cygnus, Orion, the Gum nebula).
+# with the statistics used to calibrate it. The synthetic Galaxy lacks the coherent clouds of the real sky
+# (Cygnus, Orion, the Gum nebula).
 #
 # ```{figure} ../book/_static/galaxy_beside.png
 # :name: fig-galaxy-beside
@@ -409,9 +409,11 @@ beside
 # ```
 #
 # About {glue:text}`simulations_sources` sources between 10 mJy and 1 Jy are placed individually; brighter
-# ones are assumed removed. Spectral indices of pixels are normal with mean $-2.7$ and width 0.2.
+# ones are assumed removed. Spectral indices of pixels are normally distributed with mean $-2.7$ and width
+# 0.2.
 #
-# Clustering falls with $\ell$, Poisson power is constant, and at high $\ell$ the individual sources dominate.
+# The clustering power falls with $\ell$, the Poisson power is constant, and at high $\ell$ the individual
+# sources dominate.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-counts", "caption": "Left: Euclidean-normalised differential source counts; sources of the thick part are placed individually. Right: angular power spectra of the faint sources (clustering and Poisson) and of all sources."}}
 flux = np.geomspace(1e-6, 1, 200)
@@ -455,9 +457,9 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # ## All components
 #
-# In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times the mean of HI on
-# the line of sight away from the plane and {glue:text}`simulations_over_hi_plane` times in the plane. They
-# are smooth in frequency; HI is not.
+# In the middle of the band the foregrounds exceed the mean of HI by a factor of
+# {glue:text}`simulations_over_hi_away` on the line of sight away from the plane and
+# {glue:text}`simulations_over_hi_plane` in the plane. They are smooth in frequency; HI is not.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature of each component along a line of sight in the Galactic plane (left) and away from it (right), on a logarithmic axis."}}
 component_styles = {
@@ -496,9 +498,9 @@ stamped(plotting.lines(panels))
 
 # %% [markdown]
 # The contrast between the Galaxy and HI is largest at low $\ell$. The paper's “over four” orders of magnitude
-# and “up to five”, even at high latitudes, are of temperatures and twice as many in $C_\ell$
-# ({doc}`15_claims` has the measured ratio, and {doc}`18_paper_size` that of the paper's box, in which HI is
-# brighter and the ratio just below four orders).
+# and “up to five”, even at high latitudes, refer to temperatures and are twice as many in $C_\ell$.
+# {doc}`15_claims` has the measured ratio, {doc}`18_paper_size` that of the paper's box, in which HI is
+# brighter and the ratio just below four orders.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-all-spectra", "caption": "Angular power spectra of all components in the channel in the middle of the band, before beam and noise."}}
 middle_maps = {
@@ -558,9 +560,9 @@ quote(
 #   {glue:text}`simulations_foreground` in the median pixel and at most {glue:text}`simulations_brightest`.
 #   Removing it to one part in $10^5$ is not enough where it is brightest.
 # - HI has a lognormal density, linear velocities, and no structure below the cell of the box, here
-#   {glue:text}`simulations_cell`. Boxes with larger cells than the paper's have less power than its box in
-#   $P(k_\nu)$ and in $C_\ell$ at all scales, in $C_\ell$ most above 1300 MHz; methods are compared with the
-#   truth of the same box.
+#   {glue:text}`simulations_cell`. Boxes with larger cells than the paper's have less power in $P(k_\nu)$ and
+#   $C_\ell$ at all scales, in $C_\ell$ most above 1300 MHz; methods are compared with the truth of the same
+#   box.
 #
 # ## Exercise
 #
@@ -573,7 +575,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The means stay within their scatter. The contrast along the two lines of sight changes with the synthetic
+# The means change within their scatter. The contrast along the two lines of sight changes with the synthetic
 # Galaxy.
 #
 # </details>

@@ -24,8 +24,8 @@
 #
 # A dish of diameter $D$ has a beam about $\lambda/D$ wide, which is narrower at the top of the band than at
 # its bottom. This turns *angular* structure of the foregrounds into *spectral* structure, while their
-# separation from HI relies on smoothness in frequency. The paper {cite:p}`gkogkou2025` (Sect. 2.2) has three
-# beams of rising realism, and the noise of a survey with the dishes of SKA-Mid.
+# separation from HI relies on smoothness in frequency. The paper {cite:p}`gkogkou2025` (Sect. 2.2) uses three
+# beams of increasing realism, and the noise of a survey with the dishes of SKA-Mid.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -75,8 +75,8 @@ def stamped(figure, **parameters):
 # - **Degraded**: the maps of the evolving beam, signal and noise, smoothed to the resolution of the worst
 #   channel, $\sigma_\mathrm{new}^2 = \sigma_\mathrm{worst}^2 - \sigma^2$. (The paper adds white noise after
 #   all smoothing: `degraded:noise=white`.)
-# - **Oscillating**: the width measured for MeerKAT by {cite:t}`matshawule2021`, with a ripple from the
-#   interference of primary and secondary reflector,
+# - **Oscillating**: the width measured for MeerKAT by {cite:t}`matshawule2021`, with a ripple caused by
+#   interference between primary and secondary reflector,
 #
 # ```{math}
 # :label: eq-oscillating
@@ -88,8 +88,8 @@ def stamped(figure, **parameters):
 # ([conventions](../book/conventions.md)) `bracket` is the default, a ripple of 0.14 % of the width;
 # `additive` and `additive_strong` add 0.1 and 0.5 arcmin to $\lambda/D$.
 #
-# The oscillating beam is wider than the evolving one at all frequencies, and than the degraded one below
-# {glue:text}`beams_crossing`; its ripple, faint in the left panel, has the period of 20 MHz in all
+# The oscillating beam is wider than the evolving one at all frequencies, and wider than the degraded one
+# below {glue:text}`beams_crossing`. Its ripple, faint in the left panel, has a period of 20 MHz in all
 # readings.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-widths", "caption": "Left: width of the three beams against frequency. Right: the ripple as a fraction of the width, in three readings of the paper's formula (the first two nearly coincide). Spacing 0.5 MHz; dots mark the channels of this run."}}
@@ -136,8 +136,8 @@ narrower = fine[width["oscillating"] < width["degraded"]]
 quote(beams_crossing=(min(narrower, default=np.nan), 2, "MHz"))
 
 # %% [markdown]
-# Between the two panels the transfer functions of the evolving and the oscillating beam change; in the
-# highest channel the degraded beam suppresses scales that the other two keep.
+# The transfer functions of the evolving and the oscillating beam differ between the two panels. In the
+# highest channel the degraded beam suppresses scales that the other two preserve.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-transfer", "caption": "Transfer functions of the three beams in the lowest and the highest channel."}}
 transfers = {name: beam.of_survey(sky) for name, beam in beams.items()}
@@ -158,7 +158,8 @@ panels = [
 stamped(plotting.lines(panels), ripple=ripple)
 
 # %% [markdown]
-# A beam can also be a file of widths or $b_\ell$, `meerkat` (widths from holography), or a class ({doc}`../book/add_a_beam`): `himap run 04_pca -p beam=widths.txt`.
+# A beam can also be a file of widths or $b_\ell$ (`himap run 04_pca -p beam=widths.txt`), `meerkat` (widths
+# from holography), or a class ({doc}`../book/add_a_beam`).
 
 # %% [markdown]
 # ## Noise
@@ -174,14 +175,13 @@ stamped(plotting.lines(panels), ripple=ripple)
 # \end{aligned}
 # ```
 #
-# with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. The survey is the paper's
-# (Sect. 2.2): 197 dishes of 13.5 m, 20,000 h, the full sky and $T_\mathrm{instr} = 25$ K; its channels are 1 MHz
-# wide. As in the paper it is
-# applied per *pixel*, whatever its size, so coarser maps have a higher noise power
-# $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$. The paper also calls $\sigma_N$ a variance:
-# `noise_reading=variance` ([conventions](../book/conventions.md)).
+# with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. The survey is the
+# paper's (Sect. 2.2): 197 dishes of 13.5 m, 20,000 h, the full sky and $T_\mathrm{instr} = 25$ K; its
+# channels are 1 MHz wide. As in the paper $\sigma_N$ is applied per *pixel*, whatever its size, so coarser
+# maps have a higher noise power $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$. The paper also calls $\sigma_N$ a
+# variance: `noise_reading=variance` ([conventions](../book/conventions.md)).
 #
-# System temperature falls with frequency; noise rises, since the width of the beam falls faster.
+# The system temperature falls with frequency, but the noise rises, because the beam narrows faster.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-noise", "caption": "System temperature (left) and noise per pixel and channel (right). Dashed: noise in the paper's channels of 1 MHz."}}
 fine_survey = Survey.preset(preset, **{**survey, "n_channels": round(sky.freq_max - sky.freq_min)})
@@ -210,13 +210,13 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # ## The effect of the beam on a foreground
 #
-# From the foreground along a line of sight close to the Galactic plane a smooth spectrum (third order in
-# log-log) is subtracted. Through the degraded beam the residual is negligible. Through the evolving beam it
-# is a slow trend of {glue:text}`beams_trend` rms, as the narrowing beam includes less of the plane. The
+# A smooth spectrum (third order in log-log) is subtracted from the foreground along a line of sight close to
+# the Galactic plane. Through the degraded beam the residual is negligible. Through the evolving beam it is a
+# slow trend of {glue:text}`beams_trend` rms, as the narrowing beam includes less of the plane. The
 # oscillating beam adds a ripple with the period of 20 MHz, an rms difference of adjacent channels of
 # {glue:text}`beams_jump` (HI plus noise on this line: {glue:text}`beams_signal`), and a slower wave of
 # {glue:text}`beams_wave`. These are parts per million of the foreground, whose mean is
-# {glue:text}`beams_foreground`. A method that removes smooth spectra leaves such ripples in the maps.
+# {glue:text}`beams_foreground`. A method that removes smooth spectra leaves such ripples in the residual.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-spectra", "caption": "Deviation of the foreground from a smooth spectrum for a line of sight 3 degrees off the Galactic plane through the three beams, and HI plus noise in it, mean removed. The scales differ."}}
 observations = {
@@ -317,13 +317,13 @@ quote(
 #
 # - A beam that changes with frequency turns angular structure of the foreground into spectral structure.
 # - Smoothing to the worst resolution prevents that, if the beam is known, at the cost of small scales.
-# - Close to the Galactic plane a ripple of a tenth of a per cent of the width gives the foreground one that
-#   exceeds HI, at
-#   $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
+# - Close to the Galactic plane a ripple of a tenth of a per cent in the width causes a ripple in the
+#   foreground that exceeds HI, at $k_\nu = 2\pi/(20\,\mathrm{MHz}) = 0.31\,\mathrm{MHz}^{-1}$.
 #
 # ## Exercise
 #
-# In the strongest reading of the ripple, does the difference between channels grow in proportion, and what becomes of the slower wave?
+# In the strongest reading of the ripple, does the difference between channels grow in proportion, and what
+# happens to the slower wave?
 #
 # ```sh
 # himap run 02_beams_and_noise -p ripple=additive_strong
@@ -332,7 +332,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# It grows by less: without the polynomial of {eq}`eq-oscillating`, which causes the slower wave, the beam is
-# narrower and includes less of the plane. The wave nearly vanishes.
+# It grows by less. Without the polynomial of {eq}`eq-oscillating`, which causes the slower wave, the beam is
+# narrower and includes less of the plane; the wave nearly vanishes.
 #
 # </details>

@@ -21,16 +21,16 @@
 # > - **Tests** (verdicts of {doc}`15_claims`): {claim}`D1`, {claim}`D2`, {claim}`D3`, {claim}`E1`, {claim}`E2`, {claim}`E3`, {claim}`E4`, {claim}`E5`, {claim}`O1`, {claim}`O2`, {claim}`O3`, {claim}`O4`, {claim}`O5`, {claim}`O6`, {claim}`O7`, {claim}`O8`, {claim}`S1`, {claim}`V7`.
 # > - **Time and memory**: {cost}`10_results`.
 #
-# The main result of {cite:t}`gkogkou2025` (Sect. 4.2): six methods and the three beams of
-# {doc}`02_beams_and_noise`. Every method gets the same maps with masked peaks, and its foreground is
+# The main result of {cite:t}`gkogkou2025` (Sect. 4.2) compares six methods for the three beams of
+# {doc}`02_beams_and_noise`. Every method is given the same maps with masked peaks, and its foreground is
 # subtracted from the maps as observed ({doc}`03_peak_masking`). Component methods remove 3, 4 and 5
 # components for the three beams, as in the paper.
 #
 # Cleaned maps are compared with the truth, HI plus noise through the same beam. Foreground residual raises
-# the ratio, signal loss lowers it, and at any ratio both can be present ({doc}`14_diagnostics` and
-# {doc}`23_thresholds` separate them). SDecGMCA is chaotic ({doc}`27_restarts`): its numbers are medians of
-# restarts, with their 16 to 84 % in brackets. {glue:text}`results_reading` ([readings](sdecgmca-reading)).
-# {doc}`16_readings` lists the results that depend on the reading.
+# the ratio, signal loss lowers it, and both can be present at any ratio ({doc}`14_diagnostics` and
+# {doc}`23_thresholds` separate them). SDecGMCA is chaotic ({doc}`27_restarts`), so its numbers are medians of
+# restarts, with the 16 to 84 % range in brackets. {glue:text}`results_reading`
+# ([readings](sdecgmca-reading)). {doc}`16_readings` lists the results that depend on the reading.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -84,10 +84,10 @@ study.prepare(everything)
 # %% [markdown]
 # ## Angular power spectra
 #
-# With the degraded beam the curves coincide except for the polynomial at low $\ell$. With the evolving beam
-# the parametric fit deviates by orders of magnitude, with the oscillating beam both fits do, and the
-# component methods differ; apart from restarts of SDecGMCA that fail, GMCA differs most, at low $\ell$. Where
-# the band of SDecGMCA includes another curve, the figure does not decide which of the two is more accurate.
+# With the degraded beam the curves coincide except for the polynomial fit at low $\ell$. With the evolving
+# beam the parametric fit deviates by orders of magnitude. With the oscillating beam both fits do, and the
+# component methods differ: apart from restarts of SDecGMCA that fail, GMCA differs most, at low $\ell$. If
+# the band of SDecGMCA includes another curve, the figure does not show which of the two is more accurate.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide. The fits have no number of components."}}
 angular_figure(study, removers, titles=titles)
@@ -95,10 +95,10 @@ angular_figure(study, removers, titles=titles)
 # %% [markdown]
 # ## Frequency power spectra
 #
-# At the smallest $k_\nu$ the ratios fall, where HI is as smooth as the foreground, unless a foreground
+# The ratios fall at the smallest $k_\nu$, where HI is as smooth as the foreground, unless a foreground
 # residual exceeds the loss. With the oscillating beam there is a narrow peak at the wavenumber of the ripple,
-# which the paper reports for all methods, lowest for SDecGMCA. A reading of SDecGMCA that ends at the last
-# $\ell$ of the inversion (`beyond=cut`) lacks the power beyond, most at high $k_\nu$.
+# which the paper reports for all methods, lowest for SDecGMCA. A reading of SDecGMCA that stops at the last
+# $\ell$ of the inversion (`beyond=cut`) lacks the power beyond it, mostly at high $k_\nu$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the maps cleaned by six methods, for the three beams, and its ratio to the truth below (the paper's Fig. 2). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide. The truth is that of all multipoles."}}
 frequency_figure(study, removers, titles=titles)
@@ -106,9 +106,9 @@ frequency_figure(study, removers, titles=titles)
 # %% [markdown]
 # ## The numbers
 #
-# Means of both ratios over ranges of $\ell$ and of $k_\nu$ (MHz$^{-1}$), and the highest $P/P_0$ near
-# $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the wavenumber of the ripple. The last row is PCA with one component more
-# than in the paper.
+# The table lists means of both ratios over ranges of $\ell$ and $k_\nu$ (MHz$^{-1}$), and the highest $P/P_0$
+# near $k_\nu = 2\pi/(20\,\mathrm{MHz})$, the wavenumber of the ripple. The last row is PCA with one component
+# more than in the paper.
 
 # %% tags=["hide-input"]
 MORE = "PCA, one component more"
@@ -127,8 +127,8 @@ for band in dict.fromkeys(band for bands in table.values() for band in bands):
     display(show_table(rows, head=band))
 
 # %% [markdown]
-# The table has the restarts of SDecGMCA that failed (a mean $|C/C_0 - 1|$ above 10 % at $10 < \ell < 200$, or
-# up to the end of the maps) and that converged before the last iteration, and other methods that did not
+# The table lists the restarts of SDecGMCA that failed (mean $|C/C_0 - 1|$ above 10 % at $10 < \ell < 200$, or
+# up to the end of the maps), those that converged before the last iteration, and other methods that did not
 # converge.
 
 # %% tags=["hide-input"]
@@ -180,31 +180,32 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# The paper's statements, with the values measured here; {doc}`15_claims` judges them by stated rules.
+# The paper's statements are listed with the values measured here; {doc}`15_claims` judges them by stated
+# rules.
 #
 # - **Degraded beam.** Paper: all methods recover both spectra and lose power at $k_\nu < 0.03$ MHz$^{-1}$.
-#   Here the polynomial deviates most, with a mean $C/C_0$ of {glue:text}`results_degraded_pol_low` at
+#   Here the polynomial fit deviates most, with a mean $C/C_0$ of {glue:text}`results_degraded_pol_low` at
 #   $\ell < 10$; PCA has a mean $P/P_0$ of {glue:text}`results_degraded_pca_slow` at these $k_\nu$.
-# - **Evolving beam.** Paper: the parametric fit fails by orders of magnitude, GMCA has an excess from
-#   intermediate $\ell$ down, PCA, FastICA and SDecGMCA are accurate. Here the parametric fit has at least
-#   {glue:text}`results_evolving_par_least` times the power of the truth in every band; at $\ell < 10$ the
-#   mean $C/C_0$ is {glue:text}`results_evolving_gmca_low` for GMCA and {glue:text}`results_evolving_sd_low`
-#   for SDecGMCA.
-# - **Oscillating beam.** Paper: both fits fail; all other methods have an excess at low $\ell$ and low
-#   $k_\nu$ and a peak, which is lowest for SDecGMCA, the most accurate at intermediate $\ell$. Here the
-#   mean $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
-#   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`), its highest
-#   $P/P_0$ at the peak {glue:text}`results_oscillating_sd_peak` (PCA:
+# - **Evolving beam.** Paper: the parametric fit fails by orders of magnitude, GMCA has an excess at
+#   intermediate and lower $\ell$, and PCA, FastICA and SDecGMCA are accurate. Here the parametric fit has at
+#   least {glue:text}`results_evolving_par_least` times the power of the truth in every band; at $\ell < 10$
+#   the mean $C/C_0$ is {glue:text}`results_evolving_gmca_low` for GMCA and
+#   {glue:text}`results_evolving_sd_low` for SDecGMCA.
+# - **Oscillating beam.** Paper: both fits fail. All other methods have an excess at low $\ell$ and low
+#   $k_\nu$, and a peak. The peak is lowest for SDecGMCA, which is the most accurate at intermediate $\ell$.
+#   Here the mean $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
+#   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`); its
+#   highest $P/P_0$ at the peak is {glue:text}`results_oscillating_sd_peak` (PCA:
 #   {glue:text}`results_oscillating_pca_peak`). Of the restarts of SDecGMCA
-#   {glue:text}`results_oscillating_failed` failed, so that the median can lie between those that fail and those
-#   that do not. PCA with one component more has
-#   {glue:text}`results_oscillating_more_low`, {glue:text}`results_oscillating_more_fine` and
-#   {glue:text}`results_oscillating_more_peak`, and at $k_\nu < 0.03$ MHz$^{-1}$ a mean $P/P_0$ of
-#   {glue:text}`results_oscillating_more_slow` (SDecGMCA: {glue:text}`results_oscillating_sd_slow`).
+#   {glue:text}`results_oscillating_failed` failed, so the median can lie between those that fail and those
+#   that do not. For PCA with one more component these values are {glue:text}`results_oscillating_more_low`,
+#   {glue:text}`results_oscillating_more_fine` and {glue:text}`results_oscillating_more_peak`; at
+#   $k_\nu < 0.03$ MHz$^{-1}$ its mean $P/P_0$ is {glue:text}`results_oscillating_more_slow` (SDecGMCA:
+#   {glue:text}`results_oscillating_sd_slow`).
 # - PCA and FastICA have the same cleaned maps ({doc}`05_fastica`).
 #
-# All this is a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and
-# frequency; {doc}`18_paper_size` has the paper's size.
+# These results are for a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels
+# and frequency; {doc}`18_paper_size` has the paper's size.
 #
 # ## Exercise
 #
@@ -217,8 +218,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# PCA, FastICA and GMCA: excess and peak vanish. Restarts of SDecGMCA that do not fail lose more HI to the
-# additional source; {doc}`27_restarts` gives the number of failures.
+# PCA, FastICA and GMCA: their excess and peak vanish. Restarts of SDecGMCA that do not fail lose more HI to
+# the additional source; {doc}`27_restarts` gives the number of failures.
 #
 # </details>
-#

@@ -22,12 +22,11 @@
 # > - **Time and memory**: {cost}`11_ns_scan`.
 #
 # A component method assumes a number of sources $n_s$: the number of spectra that it removes from the maps.
-# Too few leave foreground residual; too many remove HI or, with SDecGMCA, bring foreground residual back.
+# Too few leave foreground residual; too many remove HI or, with SDecGMCA, reintroduce foreground residual.
 # {cite:t}`gkogkou2025` vary $n_s$ from 2 to 20 for SDecGMCA with the oscillating beam, compare both spectra
-# with the truth, and adopt 5. This chapter repeats the scan, adds PCA, which has no knowledge of the
-# beam, and tests how sensitive the optimum is to the definition of the error and to the start of SDecGMCA
-# ({doc}`27_restarts`). {glue:text}`scan_reading`
-# ([readings](sdecgmca-reading)).
+# with the truth, and adopt 5. This chapter repeats the scan, adds PCA, which does not use the beam, and tests
+# how sensitive the optimum is to the definition of the error and to the start of SDecGMCA
+# ({doc}`27_restarts`). {glue:text}`scan_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -116,8 +115,8 @@ quote(
 # %% [markdown]
 # ## The scan
 #
-# Beyond 8 only 10, 15 and 20 sources are tried. All runs clean the same maps,
-# {doc}`with their peaks masked <03_peak_masking>`.
+# Beyond 8 only 10, 15 and 20 sources are tried. All runs clean the same maps
+# {doc}`with masked peaks <03_peak_masking>`.
 
 # %%
 study.prepare(removers)
@@ -241,11 +240,11 @@ detail["ylim"] = (
 whole = whole | {"ylim": None, "title": "full range"}
 
 # %% [markdown]
-# Each curve first falls, as foreground residual does. That of PCA rises again because further sources
+# Each curve first falls with the foreground residual. The curve of PCA rises again because further sources
 # remove HI. That of SDecGMCA depends on which restarts fail, and rises with many sources because foreground
-# residual returns ({numref}`fig-ns-scan-parts`). Where the
-# bands of two neighbouring $n_s$ overlap, the restarts do not separate them. This error does not show
-# foreground residual that compensates signal loss ({doc}`23_thresholds`); the mean $r$ in the last table does.
+# residual returns ({numref}`fig-ns-scan-parts`). If the bands of two neighbouring $n_s$ overlap, the restarts
+# do not distinguish them. This error does not show foreground residual that compensates signal loss
+# ({doc}`23_thresholds`); the mean $r$ in the last table does.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-mse", "caption": "Total MSE of both spectra against the number of sources, and its minimum (of SDecGMCA for each restart), for SDecGMCA (the paper's Fig. 3) and PCA. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Thin dashed and dotted: the two spectra; of several restarts the medians. Right: near the minimum; higher errors are cut off."}}
 study.stamped(plotting.lines([whole, detail], size=(5, 3.9)), beam=selected, definition=definition, **stated)
@@ -302,12 +301,12 @@ quote(
 )
 
 # %% [markdown]
-# In the paper the error has its minimum at 5 sources and rises again with many. Here the restarts of
-# SDecGMCA have it at {glue:text}`scan_best` sources. Relative to the least median, the error is
-# {glue:text}`scan_five` times with 5 sources, {glue:text}`scan_two` times with 2, and {glue:text}`scan_ten`
-# times with the best number from 10 on (medians of the restarts, with their 16 to 84 %). Of the
-# {glue:text}`scan_tried` numbers tried, the total exceeds 1 for {glue:text}`scan_failed` (a count for each
-# restart). PCA has its minimum at {glue:text}`scan_best_beside`.
+# In the paper the error has its minimum at 5 sources and rises again with many. Here the minimum of the
+# restarts of SDecGMCA is at {glue:text}`scan_best` sources. Relative to the smallest median, the error is
+# {glue:text}`scan_five` with 5 sources, {glue:text}`scan_two` with 2, and {glue:text}`scan_ten` with the best
+# number from 10 on (medians and 16 to 84 % of the restarts). Of the {glue:text}`scan_tried` numbers tried,
+# the total exceeds 1 for {glue:text}`scan_failed` (one count per restart). The minimum of PCA is at
+# {glue:text}`scan_best_beside`.
 #
 # For the logarithmic error the minima are at {glue:text}`scan_best_logarithmic` (SDecGMCA) and
 # {glue:text}`scan_best_logarithmic_beside` (PCA), for the absolute error at {glue:text}`scan_best_absolute` and
@@ -322,9 +321,10 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # %% [markdown]
 # ## The spectra
 #
-# At ratios above 1 foreground residual exceeds signal loss, below 1 the loss exceeds it. With 3 sources there is foreground residual on
-# most scales, with more sources mainly in restarts that fail; the others lose HI at low $k_\nu$ and low
-# $\ell$. In the paper fewer sources are better at low $k_\nu$ and more at intermediate $\ell$.
+# Ratios above 1 mean that foreground residual exceeds signal loss, ratios below 1 the opposite. With 3
+# sources there is foreground residual on most scales; with more sources it occurs mainly in restarts that
+# fail, and the others lose HI at low $k_\nu$ and low $\ell$. In the paper fewer sources are better at low
+# $k_\nu$ and more at intermediate $\ell$.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by SDecGMCA with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts. Grey band: 10 %; ratios are linear near 1, logarithmic beyond."}}
@@ -342,7 +342,7 @@ both_figure(study, selected, curves, method=method, **stated)
 # %% [markdown]
 # ## The optimum by scale
 #
-# The table has the best $n_s$ for each definition of the total, and by scale as in the paper's Sect. 4.3:
+# The table lists the best $n_s$ for each definition of the total, and by scale as in the paper's Sect. 4.3:
 # mean $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, $|P/P_0 - 1|$ at the top of the bump near
 # $k_\nu = 2\pi/(20\,\mathrm{MHz})$, and mean $|C/C_0 - 1|$ at $10 < \ell < 100$ (or $2\,N_\mathrm{side}$).
 
@@ -392,22 +392,22 @@ quote(
 )
 
 # %% [markdown]
-# The paper finds 5 best at low $k_\nu$, 6 for the bump and 7 at intermediate $\ell$; here the
-# restarts of SDecGMCA have {glue:text}`scan_best_low`, {glue:text}`scan_best_bump` and
+# The paper finds that 5 is best at low $k_\nu$, 6 for the bump and 7 at intermediate $\ell$. Here the
+# restarts of SDecGMCA give {glue:text}`scan_best_low`, {glue:text}`scan_best_bump` and
 # {glue:text}`scan_best_intermediate`.
 #
 # ## Excess and loss
 #
 # The relative error is the sum of an *excess* ($S_i > S_i^0$: foreground residual) and a *loss*
 # ($S_i < S_i^0$: HI and noise removed with the foreground); only their net effect shows at each $i$. Every
-# source removes one of the $N_\nu$ degrees of freedom per pixel or $(\ell, m)$, hence a fraction of about
-# $1/N_\nu$ of a signal that is uncorrelated between channels, and more of HI, which is correlated between channels at low
-# $\ell$.
+# source removes one of the $N_\nu$ degrees of freedom per pixel or $(\ell, m)$. It therefore removes a
+# fraction of about $1/N_\nu$ of a signal that is uncorrelated between channels, and more of HI, whose
+# channels are correlated at low $\ell$.
 #
 # For PCA the excess falls steeply and the loss grows slowly with $n_s$; in the right panel its $P/P_0$
-# follows the dotted line and its $C/C_0$ falls faster. For SDecGMCA the excess of restarts that fail hides the
-# loss, as only the net ratio is split. The right panel has only numbers of sources with little
-# excess; if SDecGMCA has none, it is not drawn.
+# follows the dotted line and its $C/C_0$ falls faster. For SDecGMCA the excess of restarts that fail hides
+# the loss, as only the net ratio is split. The right panel shows only numbers of sources with little excess;
+# if there is none for SDecGMCA, it is not drawn.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-parts", "caption": "Left: total relative MSE split into excess and loss; values of zero or beyond the axis are not drawn. {glue:text}`scan_reading` ([readings](sdecgmca-reading)). Right: mean P/P0 and C/C0 for numbers of sources with little excess (median); dotted: 1 less 1/N_channels for each source."}}
 
@@ -461,7 +461,7 @@ panels = [
 study.stamped(plotting.lines(panels, size=(5, 3.9), legend_above=True), beam=selected, **stated)
 
 # %% [markdown]
-# The same for SDecGMCA, with the mean Pearson $r$ ({doc}`14_diagnostics`):
+# The same split for SDecGMCA, with the mean Pearson $r$ ({doc}`14_diagnostics`):
 
 # %% tags=["hide-input"]
 rows = {}
@@ -506,14 +506,14 @@ show(unconverged)
 # - The best $n_s$ is defined by the truth, here on a single sky; {doc}`22_how_many` tests criteria without
 #   it.
 # - The minima of SDecGMCA's restarts, each the best of {glue:text}`scan_tried` runs, are at
-#   {glue:text}`scan_best` sources. That of PCA, at {glue:text}`scan_best_beside`, is
-#   {glue:text}`scan_beside_over_best` times as large. With 5 sources
-#   the total MSE is {glue:text}`scan_error_five` for SDecGMCA and {glue:text}`scan_error_five_beside` for PCA.
-# - Few restarts are a small sample: in {doc}`10_results`, which has more of them with 5 sources on this sky,
+#   {glue:text}`scan_best` sources. The minimum of PCA, at {glue:text}`scan_best_beside`, is
+#   {glue:text}`scan_beside_over_best` times as large. With 5 sources the total MSE is
+#   {glue:text}`scan_error_five` for SDecGMCA and {glue:text}`scan_error_five_beside` for PCA.
+# - The sample of restarts is small. In {doc}`10_results`, which has more of them with 5 sources on this sky,
 #   {glue:text}`10_results.ipynb::results_oscillating_failed:s` fail; the total MSE of all is
-#   {glue:text}`13_dimmed_galaxy.ipynb::dimmed_error_sd:s`. Where the minimum is depends on which restarts fail,
-#   and on the sky: {doc}`15_claims` has N1 and N4 on several skies with the real Galaxy.
-# - For PCA without foreground residual each source costs about a share $1/N_\nu$ of the power, more at low
+#   {glue:text}`13_dimmed_galaxy.ipynb::dimmed_error_sd:s`. The position of the minimum depends on which
+#   restarts fail and on the sky: {doc}`15_claims` tests N1 and N4 on several skies with the real Galaxy.
+# - For PCA without foreground residual each source removes about $1/N_\nu$ of the power, and more at low
 #   $k_\nu$ and low $\ell$.
 #
 # ## Exercise

@@ -29,14 +29,14 @@
 # \left| \langle \mathrm{MSE} \rangle - \mathrm{MSE_{los}} \right| > \sigma_\mathrm{MSE} ,
 # ```
 #
-# with mean and standard deviation over the sky, and compute both power spectra without them. They find the
-# flagged lines along the Galactic plane, and that SDecGMCA improves most. The rule needs the truth: it is a
-# diagnostic.
+# with mean and standard deviation over the sky, and compute both power spectra without them. They find that
+# the flagged lines are along the Galactic plane and that SDecGMCA improves most. The rule needs the truth, so
+# it is a diagnostic.
 #
 # This chapter applies it to the maps of {doc}`10_results` with the oscillating beam, separates foreground
-# residual from signal loss on the flagged lines, and tests the spectra of masked maps. Each restart of SDecGMCA
-# ({doc}`27_restarts`) has different flags: tables have the median and the 16 to 84 % band, maps and profiles
-# the {term}`medoid`. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
+# residual from signal loss on the flagged lines, and tests the spectra of masked maps. Each restart of
+# SDecGMCA ({doc}`27_restarts`) has different flags: tables give the median and the 16 to 84 % band, maps and
+# profiles show the {term}`medoid`. {glue:text}`post_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -95,9 +95,9 @@ study.prepare({selected: component}, error_parts)
 # %% [markdown]
 # ## Flagged lines of sight
 #
-# Channel means are removed before the error is squared and averaged. The rule is two-sided: where
-# $\sigma_\mathrm{MSE} < \langle \mathrm{MSE} \rangle$ it also flags lines of sight with *small* errors; the
-# second column has their share.
+# Channel means are removed before the error is squared and averaged. The rule is two-sided: if
+# $\sigma_\mathrm{MSE} < \langle \mathrm{MSE} \rangle$ it also flags lines of sight with *small* errors, whose
+# share is in the second column.
 
 # %% tags=["hide-input"]
 latitude = np.abs(sphere.pixel_latitude(study.survey.nside))
@@ -147,13 +147,13 @@ quote(
 )
 
 # %% [markdown]
-# A quarter of the sky is within 15° of the plane. Of the flagged lines of sight, {glue:text}`post_in_plane`
-# are there for SDecGMCA, and at least {glue:text}`post_others_in_plane` for every other method. A share
-# near 25 %, the area fraction, means no correlation with latitude. On the real Galaxy at `laptop` most of the
-# lines that SDecGMCA flags are within 15° of the plane, as in the paper, in
+# A quarter of the sky is within 15° of the plane. This region contains {glue:text}`post_in_plane` of the
+# flagged lines of sight for SDecGMCA, and at least {glue:text}`post_others_in_plane` for every other method.
+# A share near 25 %, the area fraction, means no correlation with latitude. On the real Galaxy at `laptop`
+# most of the lines that SDecGMCA flags are within 15° of the plane, as in the paper, in
 # {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members (skies and restarts).
 #
-# Where the error depends on frequency in the same way on all flagged lines of the medoid it is foreground
+# If the error depends on frequency in the same way on all flagged lines of the medoid, it is foreground
 # residual; [below](post-parts) this is separated from signal loss.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-profiles", "caption": "Flagged lines of sight of the method in the titles (the paper's Fig. 5, left). Of SDecGMCA those of the medoid; if not all are drawn, evenly spaced in rank of error. Left: recovered temperature; right: recovered minus true. Black: median (solid) and 5 and 95 % (dashed) of the other lines. Channel means removed; the axes span 99.9 % of the values. {glue:text}`post_reading` ([readings](sdecgmca-reading)). The numbers to download are percentiles of the drawn lines."}}
@@ -204,8 +204,8 @@ quote(
 )
 
 # %% [markdown]
-# The figure shows the medoid. How many flags there are, and whether they are in the brightest part of the
-# Galactic plane as in the paper, differs between restarts: the tables have medians and ranges.
+# The figure shows the medoid. Restarts differ in the number of flags, and in whether these are in the
+# brightest part of the Galactic plane as in the paper; the tables give medians and ranges.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (yellow; the paper's Fig. 5, right). This run flags {glue:text}`post_shown_share` of the sky, rank {glue:text}`post_shown_rank` among the restarts (1: most)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
@@ -222,8 +222,8 @@ study.stamped(figure, beam=selected, method=method, **stated)
 #
 # With its mixing matrix fixed, a component method is a linear projection $\mathcal{P}$ of the maps with
 # masked peaks (except for the $\epsilon$ of SDecGMCA, which is counted with the foreground). With the
-# foreground $\mathbf{F}$, the truth $\mathbf{T}$ (HI plus noise) and what peak masking removed from it,
-# $\mathbf{D}$,
+# foreground $\mathbf{F}$, the truth $\mathbf{T}$ (HI plus noise) and the part $\mathbf{D}$ of it that peak
+# masking removed,
 #
 # ```{math}
 # :label: eq-post-split
@@ -231,9 +231,9 @@ study.stamped(figure, beam=selected, method=method, **stated)
 #   \underbrace{\mathcal{P}(\mathbf{T} - \mathbf{D})}_{\text{signal loss}} .
 # ```
 #
-# The table has the rms of both on flagged and other lines; the share of the squared error of the flagged
-# lines in the last tenth of the channels; and the percentile of their median in brightness of the foreground
-# and variance of the truth (50: random).
+# The table lists the rms of both on flagged and other lines, the share of the squared error of the flagged
+# lines in the last tenth of the channels, and the percentile of their median in foreground brightness and in
+# variance of the truth (50: random).
 
 
 # %% tags=["hide-input"]
@@ -290,9 +290,9 @@ quote(
 )
 
 # %% [markdown]
-# For PCA the foreground residual exceeds the signal loss in nearly all channels, and has the ripple at the low
-# end of the band. It exceeds the loss on the flagged lines of SDecGMCA too (table); restarts differ in how many
-# lines they flag.
+# For PCA the foreground residual exceeds the signal loss in nearly all channels, and shows the ripple at the
+# low end of the band. It also exceeds the loss on the flagged lines of SDecGMCA (table), whose number differs
+# between restarts.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-channels", "caption": "Rms of foreground residual, signal loss and truth over the flagged lines of sight, for PCA (left) and SDecGMCA (right; median and band of the restarts, each with its flagged lines)."}}
 looks = {
@@ -322,18 +322,19 @@ for panel in panels:
 study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, reading=reading)
 
 # %% [markdown]
-# On their flagged lines the foreground residual is at least {glue:text}`post_left_over_lost` times the
-# signal loss for PCA, FastICA and GMCA, and {glue:text}`post_sd_left_over_lost` times for SDecGMCA. A
-# ratio above 1 means that the rule flags *foreground* residual, one well below that it flags lost *bright HI*. For SDecGMCA signal loss is
-# {glue:text}`post_hi_of_error` of the sum of both squares, and {glue:text}`post_top_of_error` of the
-# squared error is in the last tenth of the band (10 % expected if uniform in frequency).
+# On their flagged lines the foreground residual is at least {glue:text}`post_left_over_lost` times the signal
+# loss for PCA, FastICA and GMCA, and {glue:text}`post_sd_left_over_lost` times for SDecGMCA. A ratio above 1
+# means that the rule flags *foreground* residual, a ratio well below 1 that it flags lost *bright HI*. For
+# SDecGMCA signal loss is {glue:text}`post_hi_of_error` of the sum of both squares, and
+# {glue:text}`post_top_of_error` of the squared error is in the last tenth of the band (10 % expected if
+# uniform in frequency).
 #
 # ## Spectra without the flagged lines
 #
-# Each method is masked by its errors, and the truth by the same mask. A mask couples multipoles; $C_\ell$ is
-# decoupled with the mode-coupling matrix {cite:p}`hivon2002` and binned. Without the
-# flagged lines the excess of PCA and GMCA is smaller at low $k_\nu$, at the peak and at low $\ell$; so is
-# that of restarts of SDecGMCA that fail. The others do not improve.
+# Each method is masked according to its errors, and the truth with the same mask. A mask couples multipoles,
+# so $C_\ell$ is decoupled with the mode-coupling matrix {cite:p}`hivon2002` and binned. Without the flagged
+# lines the excess of PCA and GMCA is smaller at low $k_\nu$, at the peak and at low $\ell$; so is that of
+# restarts of SDecGMCA that fail. Other restarts do not improve.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra recovered by PCA, FastICA, GMCA and SDecGMCA, of the full sky (dotted) and without the flagged lines of sight (masked: dashed, dash-dotted and solid), and their ratio to the truth under the same mask (the paper's Fig. 6). Of SDecGMCA medians and bands of the restarts (thin lines), each with its mask. {glue:text}`post_reading` ([readings](sdecgmca-reading)). Masked C_l is binned and begins at higher l. Black: truth of the full sky. PCA and FastICA coincide."}}
@@ -374,9 +375,9 @@ fits = [remover for remover in removers.values() if remover not in component]
 both_figure(study, selected, curves_of(fits))
 
 # %% [markdown]
-# The table has, before and after, the mean of $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, the highest $P/P_0$
-# near $k_\nu = 0.31$ MHz$^{-1}$, and the mean of $|C/C_0 - 1|$ for $2 \le \ell \le 200$ (or $2\,N_\mathrm{side}$), in
-# the same bins.
+# The table lists, before and after masking, the mean of $|P/P_0 - 1|$ at $k_\nu < 0.1$ MHz$^{-1}$, the
+# highest $P/P_0$ near $k_\nu = 0.31$ MHz$^{-1}$, and the mean of $|C/C_0 - 1|$ for $2 \le \ell \le 200$ (or
+# $2\,N_\mathrm{side}$), in the same bins.
 
 
 # %% tags=["hide-input"]
@@ -455,16 +456,16 @@ quote(
 # | GMCA | {glue:text}`post_flagged_gmca` | {glue:text}`post_peak_gmca` | {glue:text}`post_low_gmca` | {glue:text}`post_angular_gmca` | {glue:text}`post_angular_gmca_after` |
 #
 # In the paper only SDecGMCA improves notably along the line of sight, and all component methods improve
-# across the sky, most SDecGMCA. Peak and mean errors of the two fits (that of $C/C_0$ dominated by the largest
-# $\ell$) decrease by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most`; at the
-# lowest $\ell$ the power of the polynomial without the flagged lines is larger by a factor of
+# across the sky, SDecGMCA most. For the two fits, the peak and the mean errors (dominated by the largest
+# $\ell$ for $C/C_0$) decrease by factors from {glue:text}`post_fits_least` to {glue:text}`post_fits_most`. At
+# the lowest $\ell$ the power of the polynomial fit without the flagged lines is larger by a factor of
 # {glue:text}`post_polynomial_lowest`.
 #
 # ## Accuracy of the masked spectrum
 #
-# The decoupling is tested with the truth: the table has its $C_\ell$ under a mask over that of the full sky,
-# for the flagged lines of SDecGMCA (medoid), the same mask rotated by 180° about the axis through the Galactic
-# centre, and a cut at 15° of latitude.
+# The decoupling is tested with the truth. The table lists the ratio of its masked to its full-sky $C_\ell$
+# for three masks: the flagged lines of SDecGMCA (medoid), the same mask rotated by 180° about the axis
+# through the Galactic centre, and a cut at 15° of latitude.
 
 
 # %% tags=["hide-input"]
@@ -502,26 +503,26 @@ quote(
 
 # %% [markdown]
 # Under the two masks that are independent of HI the decoupled spectrum is accurate to
-# {glue:text}`post_decoupled`, and at $\ell < 10$ to {glue:text}`post_decoupled_lowest`. Under the mask of
-# one run of SDecGMCA, the medoid, the truth at $\ell < 10$ differs by {glue:text}`post_truth_own`. A mask made from errors can select
-# HI, so masked spectra are compared with a truth under the same mask.
+# {glue:text}`post_decoupled`, and at $\ell < 10$ to {glue:text}`post_decoupled_lowest`. Under the mask of one
+# run of SDecGMCA, the medoid, the truth at $\ell < 10$ differs by {glue:text}`post_truth_own`. A mask made
+# from errors can select HI, so masked spectra are compared with the truth under the same mask.
 
 # %% [markdown]
 # ## Conclusions
 #
 # - **Flags** (M1): for PCA, FastICA, GMCA and the fits they are in the Galactic plane, where foreground
-#   remains; for SDecGMCA {glue:text}`post_in_plane` are. On the real Galaxy at `laptop` most are in
-#   {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members.
-# - **Line of sight** (M2, M3): the highest $P/P_0$ of SDecGMCA at the peak is {glue:text}`post_peak_sd` of that
-#   without the mask (a ratio near 1 cannot become smaller) and its
-#   error at low $k_\nu$ {glue:text}`post_low_sd`; for PCA and GMCA the latter is {glue:text}`post_low_pca` and
-#   {glue:text}`post_low_gmca`, where the paper has no notable change.
+#   remains; for SDecGMCA {glue:text}`post_in_plane` of them are. On the real Galaxy at `laptop` most are in
+#   the plane in {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members.
+# - **Line of sight** (M2, M3): with the mask the highest $P/P_0$ of SDecGMCA at the peak is
+#   {glue:text}`post_peak_sd` of its value without (a ratio near 1 cannot become smaller), and its error at
+#   low $k_\nu$ {glue:text}`post_low_sd`. For PCA and GMCA the latter is {glue:text}`post_low_pca` and
+#   {glue:text}`post_low_gmca`; the paper reports no notable change for these.
 # - **Sky** (M4): the mean $|C/C_0 - 1|$ decreases from {glue:text}`post_angular_pca` to
 #   {glue:text}`post_angular_pca_after` for PCA and from {glue:text}`post_angular_gmca` to
 #   {glue:text}`post_angular_gmca_after` for GMCA; for SDecGMCA it is {glue:text}`post_angular_sd` before and
 #   {glue:text}`post_angular_sd_after` after. The range that SDecGMCA recovers (M5) is judged in
 #   {doc}`15_claims`.
-# - A real survey cannot apply the rule; it can cut in latitude ({doc}`24_masks`).
+# - A real survey cannot apply the rule, but can cut in latitude ({doc}`24_masks`).
 #
 # ## Exercise
 #
@@ -534,7 +535,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Nearly all are along the Galactic plane. The error oscillates with the period of the ripple, most at the low end of the band: it is foreground.
+# Nearly all are along the Galactic plane. The error oscillates with the period of the ripple, most strongly
+# at the low end of the band: it is foreground.
 #
 # </details>
 #

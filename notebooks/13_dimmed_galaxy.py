@@ -32,14 +32,14 @@
 # ```
 #
 # for $|b| < b_\mathrm{edge}$, and 1 beyond. The paper gives $w_0 = 0.1$, $b_\mathrm{edge} = 15°$ and a
-# Gaussian shape; its width, which is not given, is $\sigma = b_\mathrm{edge} / 3$ here, and the subtractions
-# make both ends exact. HI and noise are unchanged. The paper finds that all methods improve, most PCA,
-# FastICA and SDecGMCA, and that the peak at the ripple persists for PCA and FastICA and is below 2 %
-# for SDecGMCA.
+# Gaussian shape. Its width is not given; here it is $\sigma = b_\mathrm{edge} / 3$, and the subtractions make
+# both ends exact. HI and noise are unchanged. The paper finds that all methods improve, especially PCA,
+# FastICA and SDecGMCA, and that the peak at the ripple persists for PCA and FastICA but is below 2 % for
+# SDecGMCA.
 #
-# Dimming measures which part of the errors of {doc}`10_results` is due to the brightest foreground, here for
-# the oscillating beam and the synthetic Galaxy, with several restarts of SDecGMCA ({doc}`27_restarts`).
-# {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)).
+# Dimming shows which part of the errors in {doc}`10_results` is due to the brightest foreground. Here it is
+# applied to the oscillating beam and the synthetic Galaxy, with several restarts of SDecGMCA
+# ({doc}`27_restarts`). {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -123,7 +123,7 @@ full.stamped(
 )
 
 # %% [markdown]
-# The ridge along the plane is gone; at the lowest weight the plane is fainter than the sky next to it.
+# The ridge along the plane disappears; at the lowest weight the plane is fainter than the sky next to it.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-maps", "caption": "Foregrounds of a channel in the middle of the band before the beam, full and dimmed, same logarithmic colours."}}
 channel = full.survey.n_channels // 2
@@ -141,10 +141,10 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # ## Spectra
 #
 # With the dimmed Galaxy PCA, FastICA, GMCA and restarts of SDecGMCA that do not fail are within the grey band
-# at most $\ell$; GMCA has an excess at the lowest. PCA, FastICA and GMCA have a peak near
-# $k_\nu = 0.31$ MHz$^{-1}$, and so can SDecGMCA.
-# The parametric fit exceeds the truth by an order of magnitude or more on most scales; the polynomial by less
-# at most $k_\nu$ and at low $\ell$, and most near $k_\nu = 0.04$ MHz$^{-1}$, at the ripple and at high $\ell$.
+# at most $\ell$; GMCA has an excess at the lowest $\ell$. PCA, FastICA and GMCA have a peak near
+# $k_\nu = 0.31$ MHz$^{-1}$; SDecGMCA can have it too. The parametric fit exceeds the truth by an order of
+# magnitude or more on most scales. The polynomial fit exceeds it by less at most $k_\nu$ and at low $\ell$,
+# and by most near $k_\nu = 0.04$ MHz$^{-1}$, at the ripple and at high $\ell$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 ensembles = {
@@ -159,9 +159,9 @@ look = {"plane_weight": plane_weight, "plane_edge": plane_edge, "n_sources": n_s
 both_figure(dimmed, selected, curves, **look)
 
 # %% [markdown]
-# Compared with the full Galaxy, an excess that falls towards 1 was due to the plane; a change of a ratio below
-# 1 is a change of signal loss. Another sky is also another restart of SDecGMCA: where the bands
-# overlap, no change is established.
+# An excess that falls towards 1 compared with the full Galaxy was due to the plane; a change in a ratio below
+# 1 is a change in signal loss. Another sky is also another restart of SDecGMCA: if the bands overlap, no
+# change is established.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-change", "caption": "P/P0 (left) and C/C0 (right) with the full (dotted) and the dimmed Galaxy (solid), for PCA, GMCA and SDecGMCA, on logarithmic axes that cut off larger ratios. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading))."}}
 panels = []
@@ -194,9 +194,9 @@ for remover in (removers[0], removers[2], removers[3]):
 dimmed.stamped(plotting.lines(panels, size=(4.6, 2.6)), beam=selected, **look)
 
 # %% [markdown]
-# The table has the total error of both spectra (mean of $(C/C_0 - 1)^2$ up to $\ell = 200$ plus that of
+# The table lists the total error of both spectra (mean of $(C/C_0 - 1)^2$ up to $\ell = 200$ plus that of
 # $P/P_0$), the highest $P/P_0$ at $0.25 < k_\nu < 0.38$ MHz$^{-1}$, and the share of multipoles up to 200 (or
-# $2\,N_\mathrm{side}$) with $C_\ell$ within 10 %; of SDecGMCA medians of the restarts.
+# $2\,N_\mathrm{side}$) with $C_\ell$ within 10 %; for SDecGMCA medians of the restarts.
 
 
 # %% tags=["hide-input"]
@@ -331,8 +331,8 @@ quote(
 # ## Strength and width
 #
 # The paper has a single strength and width. For PCA, the left panel varies the weight in the plane and the
-# right panel the edge. The peak shrinks with a smaller weight and a wider edge, the excess at low $k_\nu$ up to
-# some edge; a part of the peak remains.
+# right panel the edge. The peak shrinks with a smaller weight and a wider edge, but part of it remains. The
+# excess at low $k_\nu$ shrinks only up to some edge.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-scan", "caption": "P/P0 of PCA for several weights in the plane, with `plane_edge` as above (left), and for several latitudes of the edge, with `plane_weight` as above (right)."}}
@@ -394,26 +394,25 @@ quote(
 )
 
 # %% [markdown]
-# With an edge at 30° the peak of PCA is {glue:text}`dimmed_peak_widest` times the truth, and
-# {glue:text}`dimmed_peak_faintest` times with the smallest weight. What remains is due to the foreground
-# that the weight leaves, within the edges and beyond.
+# The peak of PCA is {glue:text}`dimmed_peak_widest` times the truth with an edge at 30°, and
+# {glue:text}`dimmed_peak_faintest` times the truth with the smallest weight. The remaining peak is due to the
+# remaining foreground, within the edges and beyond.
 
 # %% [markdown]
 # ## Conclusions
 #
 # - **Improvement** (G1): the total error decreases by factors of {glue:text}`dimmed_gain_pca` for PCA and
-#   FastICA, {glue:text}`dimmed_gain_gmca` for GMCA,
-#   {glue:text}`dimmed_gain_pol` for the polynomial and {glue:text}`dimmed_gain_par` for the parametric fit.
-#   Restarts of SDecGMCA have {glue:text}`dimmed_error_sd` with the full and
-#   {glue:text}`dimmed_error_sd_dimmed` with the dimmed Galaxy; they can fail with either, and where the
-#   ranges overlap no change is established.
+#   FastICA, {glue:text}`dimmed_gain_gmca` for GMCA, {glue:text}`dimmed_gain_pol` for the polynomial and
+#   {glue:text}`dimmed_gain_par` for the parametric fit. For restarts of SDecGMCA it is
+#   {glue:text}`dimmed_error_sd` with the full and {glue:text}`dimmed_error_sd_dimmed` with the dimmed Galaxy;
+#   they can fail with either, and if the ranges overlap no change is established.
 # - **The peak** (G2): the maximum of $P/P_0$ at $0.25 < k_\nu < 0.38$ MHz$^{-1}$ is
-#   {glue:text}`dimmed_peak_pca` for PCA and FastICA and {glue:text}`dimmed_peak_sd` for SDecGMCA, which has
-#   {glue:text}`dimmed_ripple_sd` at the wavenumber of the ripple itself.
-# - **The range of multipoles** (G3, G4): the share within 10 % goes from {glue:text}`dimmed_within_pca_full` to
-#   {glue:text}`dimmed_within_pca` for PCA and FastICA, and from {glue:text}`dimmed_within_sd_full` to
-#   {glue:text}`dimmed_within_sd` for SDecGMCA; in the paper it grows for PCA, FastICA and
-#   SDecGMCA alike (Sect. 5.2), especially for SDecGMCA (Sect. 6).
+#   {glue:text}`dimmed_peak_pca` for PCA and FastICA and {glue:text}`dimmed_peak_sd` for SDecGMCA, whose value
+#   at the wavenumber of the ripple itself is {glue:text}`dimmed_ripple_sd`.
+# - **The range of multipoles** (G3, G4): the share within 10 % changes from
+#   {glue:text}`dimmed_within_pca_full` to {glue:text}`dimmed_within_pca` for PCA and FastICA, and from
+#   {glue:text}`dimmed_within_sd_full` to {glue:text}`dimmed_within_sd` for SDecGMCA; in the paper it grows
+#   for PCA, FastICA and SDecGMCA alike (Sect. 5.2), especially for SDecGMCA (Sect. 6).
 #
 # ## Exercise
 #
@@ -426,8 +425,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# Of the component methods GMCA improves most; the fits improve by larger factors, from errors that remain far
-# above all others. The peak of PCA shrinks and remains. SDecGMCA improves where its restarts have foreground
+# Of the component methods GMCA improves most. The fits improve by larger factors, but their errors remain far
+# above all others. The peak of PCA shrinks but remains. SDecGMCA improves if its restarts have foreground
 # residual.
 #
 # </details>

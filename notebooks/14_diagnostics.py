@@ -22,12 +22,12 @@
 # > - **Tests** (verdicts of {doc}`15_claims`): {claim}`A1`, {claim}`A2`.
 # > - **Time and memory**: {cost}`14_diagnostics`.
 #
-# In channel-averaged power spectra ({doc}`10_results`) lost power and foreground residual can cancel, and so
-# can channels that are too bright and too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics:
-# the correlation of recovered and true *maps* in each channel, highest for SDecGMCA at all frequencies, and
-# the *variance* of the error of $C_\ell$ over channels, smallest for SDecGMCA at
-# $10 \lesssim \ell \lesssim 200$. This chapter measures both for all six methods with the oscillating beam,
-# with several restarts of SDecGMCA ({doc}`27_restarts`). {glue:text}`diagnostics_reading`
+# In channel-averaged power spectra ({doc}`10_results`) signal loss and foreground residual can cancel, and so
+# can channels that are too bright and too faint. The appendix of {cite:t}`gkogkou2025` adds two diagnostics.
+# The correlation of recovered and true *maps* in each channel is highest for SDecGMCA at all frequencies. The
+# *variance* of the error of $C_\ell$ over channels is smallest for SDecGMCA at
+# $10 \lesssim \ell \lesssim 200$. This chapter measures both for all six methods with the oscillating beam
+# and several restarts of SDecGMCA ({doc}`27_restarts`). {glue:text}`diagnostics_reading`
 # ([readings](sdecgmca-reading)).
 
 # %% tags=["parameters"]
@@ -100,16 +100,16 @@ freqs = study.survey.freqs
 # \delta T_{\nu,p} = T_{\nu,p} - \langle T_\nu \rangle_p .
 # ```
 #
-# It is not sensitive to a constant factor in a channel. With a foreground residual of variance $f$ and a lost
-# share $q$ of the signal variance (in units of that variance, the loss being a projection),
+# It is not sensitive to a constant factor in a channel. If the loss is a projection, a foreground residual of
+# variance $f$ and a lost share $q$ of the signal variance (both in units of that variance) give
 # $r = \sqrt{(1 - q)^2 / (1 - q + f)}$, about $1 - (q + f) / 2$. Multipoles beyond the last one of the
 # inversion of SDecGMCA are included.
 #
 # For PCA, FastICA and GMCA $r$ oscillates with the period of the ripple at the low end of the band, where the
-# ripple is foreground residual. Here restarts of SDecGMCA that do not fail have no such oscillation, and a higher
-# $r$ in nearly all channels; where half of them fail the median oscillates too. At the paper's size a restart
-# that does not fail has it as well, weakly ({doc}`18_paper_size`). Which ones fail is known here
-# from the truth.
+# ripple is foreground residual. Here restarts of SDecGMCA that do not fail have no such oscillation, and a
+# higher $r$ in nearly all channels; if half of the restarts fail, the median oscillates too. At the paper's
+# size a restart that does not fail also oscillates, weakly ({doc}`18_paper_size`). Here failures are
+# identified with the truth.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-pearson", "caption": "Pearson correlation of the recovered and the true map against frequency, for six methods (the paper's Fig. A.1). Left: all. Right: the component methods, without the lowest values of single restarts. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 correlations = {  # (n_members, n_channels) of an ensemble
@@ -155,7 +155,7 @@ quote(
 # In the median channel $r$ is {glue:text}`diagnostics_r_sd_median` for SDecGMCA and
 # {glue:text}`diagnostics_r_polynomial_median` for the polynomial. The lowest value is
 # {glue:text}`diagnostics_r_sd_lowest` for SDecGMCA, {glue:text}`diagnostics_r_pca_lowest` for PCA and
-# {glue:text}`diagnostics_r_gmca_lowest` for GMCA; the highest of the parametric fit is
+# {glue:text}`diagnostics_r_gmca_lowest` for GMCA; the highest value of the parametric fit is
 # {glue:text}`diagnostics_r_parametric_highest`.
 #
 # ### Signal loss and foreground residual by channel
@@ -167,7 +167,7 @@ quote(
 #
 # A signal without correlation between channels loses $h_\nu = P_{\nu\nu}$, with $\mathbf{P}$ the projector on
 # the removed spectra; $\sum_\nu h_\nu = n_s$. (For SDecGMCA the spectra are those smoothed by the beam, and
-# $h_\nu$ is a mean over $\ell$ weighted with the power of the truth.) Where left and middle panels agree, a
+# $h_\nu$ is a mean over $\ell$ weighted with the power of the truth.) If the left and middle panels agree, a
 # method loses the HI that its number of sources implies.
 
 # %% tags=["hide-input"]
@@ -204,8 +204,8 @@ for remover in component:
     signal_lost[name], foreground[name] = np.squeeze(both[:, 0]), np.squeeze(both[:, 1])
 
 # %% [markdown]
-# In the right panel PCA, FastICA and GMCA have most foreground residual at the low end of the band. That of
-# SDecGMCA differs between restarts by orders of magnitude.
+# In the right panel PCA, FastICA and GMCA have most foreground residual at the low end of the band. The
+# residual of SDecGMCA differs between restarts by orders of magnitude.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-shares", "caption": "Contributions to 1 - r, for the component methods. Left: share of the signal lost in each channel. Middle: share of the channel in the space of the removed spectra, whose sum is the number of sources. Right: variance of the foreground residual over that of the truth, from 1e-3. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 shared = {"xlabel": styles.CHANNELS, "xlim": (freqs[0], freqs[-1])}
@@ -310,8 +310,8 @@ quote(
 # correlation of $q_\nu$ with $h_\nu$ is {glue:text}`diagnostics_q_and_h`.
 #
 # In {doc}`11_ns_scan` the smallest error of SDecGMCA is at {glue:text}`11_ns_scan.ipynb::scan_best:s`
-# sources, with a mean $r$ of {glue:text}`11_ns_scan.ipynb::scan_r_best:s`; the mean $r$ with the
-# number and the restarts used here, more than there, is {glue:text}`diagnostics_r_sd`.
+# sources, with a mean $r$ of {glue:text}`11_ns_scan.ipynb::scan_r_best:s`. With the number of sources used
+# here, and more restarts, the mean $r$ is {glue:text}`diagnostics_r_sd`.
 #
 # ## Variance over channels
 #
@@ -324,10 +324,12 @@ quote(
 # ```
 #
 # The paper describes $R_\ell$ as averaged over channels and its variance as that over channels; only the
-# latter is possible. It is zero for an error that all channels share, and a single channel can dominate it.
+# latter is possible. The variance is zero for an error common to all channels, and a single channel can
+# dominate it.
 #
-# Between the grey lines the paper has SDecGMCA lowest; here it is lowest at {glue:text}`diagnostics_smallest`
-# of these multipoles. The table has means over these $\ell$ (of the variance the geometric mean).
+# Between the grey lines SDecGMCA is lowest in the paper; here it is lowest at
+# {glue:text}`diagnostics_smallest` of these multipoles. The table lists means over these $\ell$ (geometric
+# for the variance).
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-diagnostics-variance", "caption": "Variance over channels of R = 1 - C/C0 of each channel against multipole, for six methods (the paper's Fig. A.2). Left: all. Right: the component methods. Grey lines: the range of the paper's claim, l from 10 to 200 or the end of the axis. {glue:text}`diagnostics_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
@@ -428,12 +430,11 @@ quote(
 )
 
 # %% [markdown]
-# SDecGMCA has the smallest variance at {glue:text}`diagnostics_smallest` of these multipoles; in the
-# geometric mean the smallest of the other methods is {glue:text}`diagnostics_variance_ratio` times as large.
-# Two channels make
-# {glue:text}`diagnostics_in_two` of the variance (mean over methods); for SDecGMCA a single channel
-# contributes {glue:text}`diagnostics_top_share` of the squares (restarts: {glue:text}`diagnostics_top_channel`
-# MHz).
+# SDecGMCA has the smallest variance at {glue:text}`diagnostics_smallest` of these multipoles; the smallest
+# geometric mean of the other methods is {glue:text}`diagnostics_variance_ratio` times as large. Two channels
+# contribute {glue:text}`diagnostics_in_two` of the variance (mean over methods); for SDecGMCA a single
+# channel contributes {glue:text}`diagnostics_top_share` of the squares (restarts:
+# {glue:text}`diagnostics_top_channel` MHz).
 
 # %% [markdown]
 # ## Conclusions
@@ -458,8 +459,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The difference nearly vanishes: with six sources PCA and GMCA describe the foreground too. With five they
-# have a foreground residual.
+# The difference nearly vanishes: with six sources PCA and GMCA also describe the foreground. With five they
+# leave foreground residual.
 #
 # </details>
 #
@@ -468,7 +469,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $r = 1$, $C/C_0 = 0.25$, and $R_\ell = 0.75$ in every channel, so that its variance is 0. Only the ratio of the spectra shows the error.
+# $r = 1$, $C/C_0 = 0.25$, and $R_\ell = 0.75$ in every channel, so its variance is 0. Only the ratio of the
+# spectra shows the error.
 #
 # </details>
 #
