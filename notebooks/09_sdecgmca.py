@@ -24,8 +24,8 @@
 #
 # PCA, FastICA and GMCA assume that a source has the same map in every channel. A beam that changes with
 # frequency smooths it differently in each. {cite:t}`gkogkou2025` therefore apply SDecGMCA
-# {cite:p}`carloni2021` (C21 below), which has the beam in its model: in harmonic space an axisymmetric beam is a
-# factor $\hat H_\nu^\ell$, and the mixture is (the paper's Eq. 21)
+# {cite:p}`carloni2021` (C21 below), which includes the beam in its model. In harmonic space an axisymmetric
+# beam is a factor $\hat H_\nu^\ell$, and the mixture is (the paper's Eq. 21)
 #
 # ```{math}
 # :label: eq-sdecgmca-mixture
@@ -33,8 +33,8 @@
 # ```
 #
 # Starts that differ by $10^{-10}$ give different results unless the beam is degraded ({doc}`27_restarts`), so
-# figures show an ensemble of restarts (median, 16 to 84 % band, restarts as thin lines), maps the
-# {term}`medoid`, the restart whose residual is nearest to those of the others. Where three beams are not shown,
+# figures show an ensemble of restarts (median, 16 to 84 % band, restarts as thin lines). Maps show the
+# {term}`medoid`, the restart whose residual is nearest to those of the others. Unless three beams are shown,
 # the beam is the oscillating one by default.
 
 # %% tags=["parameters"]
@@ -101,7 +101,7 @@ medoid = study.medoid(selected, remover)
 # %% [markdown]
 # ## The method
 #
-# **Cost function** (Eq. 22): few and sparse sources that explain the data, with the starlet wavelets
+# **Cost function** (Eq. 22): the data are described by few, sparse sources, with the starlet wavelets
 # $\mathbf{\Phi}$, the transform from harmonics to pixels $\mathcal{F}^{\dagger}$ and the thresholds
 # $\mathbf{\Lambda}$,
 #
@@ -122,7 +122,7 @@ medoid = study.medoid(selected, remover)
 #   \mathbf{A}^{\top} \mathrm{diag}(\hat H^\ell)\, \hat{\mathbf{X}}^{\ell m} ,
 # ```
 #
-# where $\epsilon$ keeps the inverse finite where the beam is small. $\hat H$ is the beam; in the example of C21
+# where $\epsilon$ keeps the inverse finite if the beam is small. $\hat H$ is the beam; in the example of C21
 # it is divided by that of the best channel at each $\ell$. $\epsilon$ depends on $\mathbf{A}$ and the beam in
 # the *warm-up*, and on the spectra of the last sources in the *refinement* (strategies 3 and 4, Eqs. 26 and
 # 27 of C21), with the strength $c$:
@@ -135,12 +135,12 @@ medoid = study.medoid(selected, remover)
 # ```
 #
 # **Thresholds.** The sources are decomposed into five starlet scales. Coefficients below three times their
-# noise are set to zero (the paper defines neither). Of the others the largest are kept, a share that grows to
-# $K_\mathrm{max}$ during the warm-up, and reduced by their threshold, which in the refinement is lower for
-# large coefficients ($\ell_1$ reweighting).
+# noise are set to zero (the paper defines neither). Of the others the largest are kept, and reduced by their
+# threshold, which in the refinement is lower for large coefficients ($\ell_1$ reweighting). The share that is
+# kept grows to $K_\mathrm{max}$ during the warm-up.
 #
-# **Update of A**: least squares in every channel over all harmonics (in the code of C21 over the detail
-# scales); then negative entries are set to zero (in that code an option that is off), and columns scaled to
+# **Update of A**: least squares in every channel over all harmonics (over the detail scales in the code of
+# C21). Then negative entries are set to zero (an option that is off in that code), and columns are scaled to
 # unit length (Eqs. 14 to 16 of C21):
 #
 # ```{math}
@@ -150,10 +150,9 @@ medoid = study.medoid(selected, remover)
 # ```
 #
 # **End.** Each stage ends when $\hat{\mathbf{S}}$ changes by less than a tolerance (the paper), or after a
-# number of iterations (the code of C21); here at whichever comes first. The foreground is
+# number of iterations (the code of C21); here whichever comes first. The foreground is
 # $\mathrm{diag}(\hat H^\ell)\, \mathbf{A}\, \hat{\mathbf{S}}$ with a last $\hat{\mathbf{S}}$ of
 # {eq}`eq-sdecgmca-sources` without thresholds. Three parameters depend on the beam (the paper's Table 1):
-#
 
 # %% tags=["hide-input"]
 rows = {
@@ -169,10 +168,10 @@ show(rows)
 #
 # The text can be implemented in several ways, and the public code of C21 deviates from it. A set of choices
 # is a *reading*; {doc}`../book/conventions` defines them and {doc}`16_readings` compares them. The default,
-# [selected by a rule](readings-default), follows the text up to the last multipole, but for what all readings
-# share: strategy 3 is Eq. 26 of C21, which the paper cites and describes differently, the share $K$ is of the
-# coefficients above the noise, and iterations end by their number too. Captions state the
-# reading, here {glue:text}`sdecgmca_reading`.
+# [selected by a rule](readings-default), follows the text up to the last multipole, except for three points
+# common to all readings: strategy 3 is Eq. 26 of C21, which the paper cites but describes differently; $K$ is
+# a share of the coefficients above the noise; and iterations also end after a given number. Captions state
+# the reading. Here {glue:text}`sdecgmca_reading`.
 
 # %% tags=["hide-input"]
 head = ["Choice", *READINGS]
@@ -192,7 +191,7 @@ Markdown("\n".join(Table(head, body).markdown()))
 mixing_figure(study, selected, medoid)
 
 # %% [markdown]
-# The sources are brighter than the sky, and partly cancel, as with GMCA.
+# The sources are brighter than the sky and partly cancel, as for GMCA.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of the first four of these columns, in mK. Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, medoid, most=4)
@@ -200,24 +199,24 @@ sources_figure(study, selected, medoid, most=4)
 # %% [markdown]
 # ## The residual
 #
-# The error can have foreground residual along the Galactic plane, and in restarts that fail in other parts of
-# the sky as well ({doc}`12_post_masking`); elsewhere it has the scales of HI. The figure shows the medoid.
+# The error can contain foreground residual along the Galactic plane and, in restarts that fail, also in other
+# parts of the sky ({doc}`12_post_masking`); elsewhere it has the scales of HI. The figure shows the medoid.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-maps", "caption": "A channel in the middle of the band: observed, recovered by SDecGMCA (medoid of the restarts), truth (HI plus noise), and recovered minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for recovered and truth; white: no error."}}
 channel_figure(study, selected, medoid)
 
 # %% [markdown]
 # With the degraded beam all restarts agree and $C/C_0$ is below 1. With the other two a restart may fail,
-# with foreground residual at many multipoles. The others lose most at the lowest $\ell$ and are near 1 above;
-# the paper has an excess at the lowest $\ell$ with the oscillating beam.
+# with foreground residual at many multipoles. Restarts that do not fail lose most at the lowest $\ell$ and
+# are near 1 above; the paper has an excess at the lowest $\ell$ with the oscillating beam.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-angular", "caption": "Angular power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
 angular_figure(study, removers)
 
 # %% [markdown]
-# In the paper SDecGMCA suppresses the peak at the ripple most, and has an excess at low $k_\nu$ like that of PCA.
-# Through the oscillating beam restarts that fail can have both here; the others lose power at low $k_\nu$, and
-# their peak is small.
+# In the paper SDecGMCA suppresses the peak at the ripple most, and has an excess at low $k_\nu$ like that of
+# PCA. Here restarts that fail with the oscillating beam can have both; the others lose power at low $k_\nu$,
+# and their peak is small.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-frequency", "caption": "Frequency power spectrum recovered by SDecGMCA for the three beams, and its ratio to the truth at all multipoles. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
@@ -238,11 +237,11 @@ show(numbers)
 # ## Beyond the last multipole
 #
 # The paper inverts the beam up to $\ell = 200$, reports a spurious peak beyond, and cuts its curves there.
-# With `beyond="cut"` nothing is estimated there, and the residual lacks that power; with `"regularised"`
+# With `beyond="cut"` nothing is estimated there, and the residual lacks that power. With `"regularised"`
 # {eq}`eq-sdecgmca-sources` is continued to $3\,N_\mathrm{side}$ with its $\epsilon$, with `"projection"`
-# without.
+# without it.
 #
-# $C/C_0$ coincides up to the dotted line. Beyond it “regularised” has an excess, which is not the paper's
+# $C/C_0$ coincides up to the dotted line. Beyond it “regularised” has an excess. This is not the paper's
 # peak, as $\epsilon$ is 0 there on these maps (last table), but the numerical error described below.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "P/P0 (left) and C/C0 (right) for three treatments of the multipoles beyond the last of the inversion (dotted). Medians of the restarts, whose scatter is in the figures above. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
@@ -286,7 +285,7 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, reading=reading)
 
 # %% [markdown]
-# The table has, for each treatment, the rms error of the maps and their mean correlation $r$ with the truth
+# For each treatment, the table lists the rms error of the maps, their mean correlation $r$ with the truth
 # ({doc}`14_diagnostics`), and the lines of sight that {doc}`12_post_masking` flags.
 
 # %% tags=["hide-input"]
@@ -325,18 +324,18 @@ quote(
 )
 
 # %% [markdown]
-# With `"regularised"` maps have a pattern of arcs and a lattice along the base pixels of HEALPix, which is
-# numerical: HEALPix transforms are not exact beyond $\ell = 2\,N_\mathrm{side}$, so that maps of the bright
-# foreground made from its coefficients differ from the maps observed. It has the smooth spectrum of the
-# foreground, and adds to $P$ at the smallest $k_\nu$. `"projection"`, which subtracts a part of the observed
-# maps, does not have it: the rms error is {glue:text}`sdecgmca_error_projected` in place of
-# {glue:text}`sdecgmca_error_continued`, and the mean $r$ {glue:text}`sdecgmca_r_projected` in place of
+# With `"regularised"` maps have a pattern of arcs and a lattice along the base pixels of HEALPix. It is
+# numerical: HEALPix transforms are not exact beyond $\ell = 2\,N_\mathrm{side}$, so maps of the bright
+# foreground made from its coefficients differ from the observed maps. The pattern has the smooth spectrum of
+# the foreground, and adds to $P$ at the smallest $k_\nu$. `"projection"` subtracts part of the observed maps
+# and lacks this pattern: the rms error is {glue:text}`sdecgmca_error_projected` instead of
+# {glue:text}`sdecgmca_error_continued`, and the mean $r$ {glue:text}`sdecgmca_r_projected` instead of
 # {glue:text}`sdecgmca_r_continued`. With `"cut"` the error includes the truth beyond the last multipole.
 #
 # The paper explains the peak by $\epsilon$, which biases the foreground low and the residual high (see the
-# exercise). In the default reading $\epsilon$ beyond the last multipole would be that of strategy 3. The first
-# multipole where this is above 0, for $c$ of Table 1 and the $\mathbf{A}$ of each restart, is (–: none in these
-# maps, which do not hold $\ell = 200$):
+# exercise). In the default reading $\epsilon$ beyond the last multipole would be that of strategy 3. For $c$
+# of Table 1 and the $\mathbf{A}$ of each restart, the first multipole with $\epsilon > 0$ is (–: none in
+# these maps, which do not reach $\ell = 200$):
 
 # %% tags=["hide-input"]
 numbers = {}
@@ -357,7 +356,7 @@ show(numbers)
 #
 # The start is changed by $10^{-10}$ in the reading of this chapter (left) and in another (middle). For
 # BeamSubspace, whose dependence on the start is not tested here, the noise level is changed by 0.1 % (right).
-# Curves that differ are possible results of the same data.
+# Curves that differ are possible results for the same data.
 
 # %% tags=["hide-input"]
 other = "code" if reading != "code" else "default"
@@ -388,7 +387,8 @@ for (kind, results), colour in zip(runs.items(), (styles.VERMILION, styles.BLUE,
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.4)), beam=selected, n_sources=n_sources)
 
 # %% [markdown]
-# Means of both ratios over bands, with their range; another processor gives other values ([conventions](../book/conventions.md)).
+# Means of both ratios over bands, with their range; another processor gives different values
+# ([conventions](../book/conventions.md)).
 
 # %% tags=["hide-input"]
 rows, worst = {}, {}
@@ -422,20 +422,19 @@ quote(
 
 # %% [markdown]
 # At the most sensitive multipole the highest $C/C_0$ is {glue:text}`sdecgmca_moves` times the lowest (left),
-# in the reading “{glue:text}`sdecgmca_other`” {glue:text}`sdecgmca_other_moves` times; so few restarts do not
+# in the reading “{glue:text}`sdecgmca_other`” {glue:text}`sdecgmca_other_moves` times; so few restarts cannot
 # rank the readings. For BeamSubspace, whose noise level was changed instead, it is
 # {glue:text}`sdecgmca_subspace_moves` times. Of {glue:text}`sdecgmca_restarts` restarts
 # {glue:text}`sdecgmca_failed` failed in the reading of this chapter and {glue:text}`sdecgmca_other_failed` in
-# the other; {ref}`restarts-failures` has the probability of failure. A result that does not
-# change is not yet accurate: at $\ell < 10$ the mean $C/C_0$ of BeamSubspace is
-# {glue:text}`sdecgmca_subspace_low`.
+# the other; {ref}`restarts-failures` gives the probability of failure. A stable result is not necessarily
+# accurate: at $\ell < 10$ the mean $C/C_0$ of BeamSubspace is {glue:text}`sdecgmca_subspace_low`.
 #
 # ## BeamSubspace
 #
-# SDecGMCA fits $\mathbf{A}$ to thresholded sources, which exceed HI by orders of magnitude; what a threshold
-# removes remains in the data, smoothed differently in each channel, and biases $\mathbf{A}$. BeamSubspace,
-# which is not in the paper, has the same mixture without $\epsilon$ or constraint on signs, and estimates
-# $\mathbf{A}$ from the residual of the sources before thresholds:
+# SDecGMCA fits $\mathbf{A}$ to thresholded sources, which exceed HI by orders of magnitude. The part that a
+# threshold removes remains in the data, smoothed differently in each channel, and biases $\mathbf{A}$.
+# BeamSubspace, which is not in the paper, has the same mixture without $\epsilon$ or sign constraint, and
+# estimates $\mathbf{A}$ from the residual of the sources before thresholding:
 #
 # ```{math}
 # :label: eq-sdecgmca-correction
@@ -443,13 +442,14 @@ quote(
 # ```
 #
 # where the thresholded sources $\hat{\mathbf{T}}$ are only weights: without noise the true $\mathbf{A}$ is a
-# solution for any thresholds. Its foreground is the projection on the smoothed spectra at every $\ell$.
+# solution for any thresholds. The foreground is the projection on the smoothed spectra at every $\ell$.
 #
 # BeamSubspace loses more at low $\ell$ than restarts of SDecGMCA that do not fail: the mean $C/C_0$ at
-# $\ell < 10$ is {glue:text}`sdecgmca_subspace_low`, for SDecGMCA {glue:text}`sdecgmca_low` (all restarts). $P/P_0$ at $k_\nu < 0.03$ MHz$^{-1}$ is
-# {glue:text}`sdecgmca_subspace_slow` and {glue:text}`sdecgmca_slow`, its highest value near
-# $k_\nu = 0.31$ MHz$^{-1}$ {glue:text}`sdecgmca_subspace_peak` and {glue:text}`sdecgmca_peak`. Ranges of SDecGMCA
-# include restarts that fail; at low $k_\nu$ the others can lose more than BeamSubspace.
+# $\ell < 10$ is {glue:text}`sdecgmca_subspace_low`, and {glue:text}`sdecgmca_low` for SDecGMCA (all
+# restarts). In the same order, $P/P_0$ at $k_\nu < 0.03$ MHz$^{-1}$ is {glue:text}`sdecgmca_subspace_slow`
+# and {glue:text}`sdecgmca_slow`, and its highest value near $k_\nu = 0.31$ MHz$^{-1}$ is
+# {glue:text}`sdecgmca_subspace_peak` and {glue:text}`sdecgmca_peak`. Ranges of SDecGMCA include restarts that
+# fail; at low $k_\nu$ the others can lose more than BeamSubspace.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-subspace", "caption": "Frequency (left) and angular (right) power spectrum recovered by SDecGMCA and by BeamSubspace with as many sources, and the ratio to the truth. {glue:text}`sdecgmca_reading_short` ([readings](sdecgmca-reading)). Grey band: 10 %."}}
 pair = [remover, BeamSubspace(n_sources=n_sources)]
@@ -475,14 +475,15 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# - SDecGMCA has the beam in its mixture, and needs an accurate one ({doc}`21_beam_errors`).
+# - SDecGMCA includes the beam in its mixture, and needs an accurate one ({doc}`21_beam_errors`).
 # - $P(k_\nu)$ depends on the treatment beyond the last multipole; on these maps the regularised inversion
 #   there causes a numerical error.
 # - The iteration is chaotic: results need their scatter over restarts, and the number that failed.
 #
 # ## Exercise
 #
-# With one source and a beam of $0.05$ in all channels, what is $\epsilon_\ell$ of strategy 3 for $c = 0.01$, and which share of the foreground is recovered?
+# With one source and a beam of $0.05$ in all channels, what is $\epsilon_\ell$ of strategy 3 for $c = 0.01$,
+# and what share of the foreground is recovered?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>

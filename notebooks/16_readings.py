@@ -23,26 +23,30 @@
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`15_claims`.
 # > - **Time and memory**: {cost}`16_readings`.
 #
-# The description of SDecGMCA in {cite:t}`gkogkou2025` can be implemented in several ways, and programs of the
-# authors deviate from it. {glue:text}`readings_options` choices are varied here, and every claim of
+# The description of SDecGMCA in {cite:t}`gkogkou2025` can be implemented in several ways, and the authors'
+# programs deviate from it. {glue:text}`readings_options` choices are varied here, and every claim of
 # {doc}`15_claims` is judged under {glue:text}`readings_count` readings: those with a name, and the default
 # with a single choice changed.
 #
-# - **default**: of the readings under which, within the scatter, most of the paper's statements hold, the one
-#   closest to the text, by a [rule](readings-default): the letter, continued beyond $\ell = 200$ by least squares without $\epsilon$.
-# - **letter**: contradicts no statement of the text up to $\ell = 200$, but for three points that all readings
-#   share ([conventions](../book/conventions.md)); there it ends, and so has no spurious
-#   peak beyond, which the paper mentions (Sect. 4.2); usual choices where the text is silent.
-# - **code**: the steps of the public code of {cite:t}`carloni2021` with the paper's Table 1, the beam as in its example, and no thresholds in the last $\mathbf{S}$.
-# - **code-rounding**: the same with the eigenvalues of the last $\mathbf{S}$ floored at rounding, instead of $10^{-9}$ of the largest.
-# - **follow-up**: `code` with the changes to the inversion in the later code of the paper's first author (which has a network instead of thresholds).
-# - **instrument-noise**: the letter with the noise of the instrument in its thresholds, instead of the median absolute deviation of each scale.
+# - **default**: selected by a [rule](readings-default). Of the readings under which, within the scatter, most
+#   of the paper's statements hold, it is the one closest to the text: the letter, continued beyond
+#   $\ell = 200$ by least squares without $\epsilon$.
+# - **letter**: contradicts no statement of the text up to $\ell = 200$, except for three points that all
+#   readings share ([conventions](../book/conventions.md)), with usual choices if the text is silent. It ends
+#   at $\ell = 200$, so it lacks the spurious peak beyond that the paper mentions (Sect. 4.2).
+# - **code**: the steps of the public code of {cite:t}`carloni2021` with the paper's Table 1, the beam as in
+#   its example, and no thresholds in the last $\mathbf{S}$.
+# - **code-rounding**: the same with the eigenvalues of the last $\mathbf{S}$ floored at rounding, instead of
+#   $10^{-9}$ of the largest.
+# - **follow-up**: `code` with the changes to the inversion in the later code of the paper's first author
+#   (which has a network instead of thresholds).
+# - **instrument-noise**: the letter with the noise of the instrument in its thresholds, instead of the median
+#   absolute deviation of each scale.
 #
 # Each reading has {glue:text}`readings_runs` runs in this record, on {glue:text}`readings_skies`; verdicts
-# are by shares of these. With so few, a difference between readings can be one between
-# restarts ({doc}`27_restarts`). A run fails if its mean
-# $|C/C_0 - 1|$ through the oscillating beam exceeds {glue:text}`readings_failing` at $10 < \ell < 200$ (or up
-# to the end of the maps).
+# are based on shares of these. With so few runs, a difference between readings can be one between restarts
+# ({doc}`27_restarts`). A run fails if its mean $|C/C_0 - 1|$ through the oscillating beam exceeds
+# {glue:text}`readings_failing` at $10 < \ell < 200$ (or up to the end of the maps).
 
 # %% tags=["parameters"]
 results: str | None = None  # what `himap measure readings` wrote; None: that of the book
@@ -102,16 +106,16 @@ Markdown(f"*{made.footer()}*")
 #
 # - **{glue:text}`readings_every_n` hold under every reading**: {glue:text}`readings_every`.
 # - **{glue:text}`readings_none_n` hold under none**: {glue:text}`readings_none`.
-# - **{glue:text}`readings_void_n` do not apply to these maps or this scan under any**: {glue:text}`readings_void`.
-# - **{glue:text}`readings_some_n` differ between readings**: {glue:text}`readings_some`. The table
-#   has the choices that change them, or restarts that do: {ref}`another run <other-choices>` of one reading
-#   changes several verdicts too. Claims that one choice alone changes: {glue:text}`readings_one`.
+# - **{glue:text}`readings_void_n` do not apply to these maps or this scan under any**:
+#   {glue:text}`readings_void`.
+# - **{glue:text}`readings_some_n` differ between readings**: {glue:text}`readings_some`. The table lists the
+#   choices, or restarts, that change them: {ref}`another run <other-choices>` of one reading also changes
+#   several verdicts. Claims that only one choice changes: {glue:text}`readings_one`.
 #
 # {glue:text}`readings_deciders_n` single changes of the default decide whether a claim holds:
-# {glue:text}`readings_deciders`. With few runs of each, other restarts may be the cause. Changes without
-# effect: {glue:text}`readings_idle`. For {glue:text}`readings_unmoved_n` claims every reading
-# gives the same number, or none: {glue:text}`readings_unmoved`. Undecided under the default:
-# {glue:text}`readings_split`.
+# {glue:text}`readings_deciders`. With few runs of each, restarts may be the cause. Changes without effect:
+# {glue:text}`readings_idle`. For {glue:text}`readings_unmoved_n` claims every reading gives the same number,
+# or none: {glue:text}`readings_unmoved`. Undecided under the default: {glue:text}`readings_split`.
 
 # %% tags=["hide-input"]
 places = readings_table.robustness(outcomes)
@@ -189,8 +193,8 @@ Table(["claim", "statement", *READINGS, "single choices by which it holds, or no
 # (readings-claims)=
 # ## All claims under all readings
 #
-# A row of one shade is a claim that no reading changes. A column that differs from the first is a choice that
-# may matter: with few runs of each, other restarts may differ as much.
+# A row of uniform shade is a claim that no reading changes. A column that differs from the first is a choice
+# that may matter, although with few runs of each, other restarts may differ as much.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-claims", "caption": "Verdict on each claim (rows) under each reading (columns: default, other named readings, the default with a single choice changed), grouped by robustness. Darker is nearer to reproduced; signs as in the ledger."}}
 plotting.stamp(claims_figure(outcomes), made)
@@ -199,8 +203,8 @@ plotting.stamp(claims_figure(outcomes), made)
 # (readings-bands)=
 # ## Spectra under each reading
 #
-# Each point is a run; in the last figure, where a sky has one start, each line too ({ref}`restarts-failures`
-# has the scatter over starts).
+# Each point is a run; so is each line in the last figure if a sky has one start ({ref}`restarts-failures`
+# gives the scatter over starts).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows): mean C/C0 in bands of l, mean P/P0 in three bands of k (1/MHz), and the highest P/P0 near k = 0.31 / MHz. Points: runs; colours: skies; line: truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are at the edge."}}
 plotting.stamp(bands_figure(outcomes), made)
@@ -212,49 +216,49 @@ plotting.stamp(curves_figure(outcomes), made)
 # (readings-default)=
 # ## Choice of the default
 #
-# The rule favours agreement with the paper, not accuracy: of the named readings, with each treatment of the multipoles beyond
-# $\ell = 200$, the default should be that under which most of the paper's statements on SDecGMCA hold. A
-# reading that fails often can score high too. A main part that holds in a share $p$ of the members of a sky,
-# compared with the truth at all multipoles, counts $p$; skies weigh the same, and a tie goes to the candidate
-# with fewer departures from the text. That rule was written for each reading with any one option changed; only
-# the treatment beyond $\ell = 200$ was, as every further option multiplies the runs. The rule is for `laptop`, as maps at `ci` end at $\ell = 64$ and cannot
-# test what the paper states up to 200. It selects on the skies of two seeds,
+# The rule favours agreement with the paper, not accuracy. The candidates are the named readings with each
+# treatment of the multipoles beyond $\ell = 200$; the default should be the one under which most of the
+# paper's statements on SDecGMCA hold. A reading that fails often can also score high. A main part that holds
+# in a share $p$ of the members of a sky, compared with the truth at all multipoles, counts $p$. Skies have
+# equal weight, and a tie goes to the candidate with fewer departures from the text. The rule was written for
+# each reading with any one option changed, but only the treatment beyond $\ell = 200$ was changed, as every
+# further option multiplies the runs. The rule applies to `laptop`, as maps at `ci` end at $\ell = 64$ and
+# cannot test the paper's statements up to 200. It selects on the skies of two seeds,
 # {glue:text}`readings_selection`, and confirms on those of three others, {glue:text}`readings_confirmation`.
 # If these do not confirm the selection, the mean over all skies decides.
 #
-# The tables have this count, departures and failures for each stored ensemble; candidates share starts and
-# skies. *First* is the share of resamples of the skies, drawn with replacement, in which a candidate has the
-# highest mean. It depends on which candidates are listed, and is no probability.
+# The tables list this count, the departures and the failures for each stored ensemble; candidates share
+# starts and skies. *First* is the share of resamples of the skies, drawn with replacement, in which a
+# candidate has the highest mean. It depends on which candidates are listed, and is not a probability.
 #
-# **Result.** With {glue:text}`readings_starts` on each sky, the most charitable on the skies of the selection
-# is {glue:text}`readings_selected`; on the others it is number {glue:text}`readings_place` of
-# {glue:text}`readings_candidates`, and {glue:text}`readings_confirmed` is first. Over all skies means go from
-# {glue:text}`readings_least` to {glue:text}`readings_most`, of {glue:text}`readings_most_charitable`, which is
-# first in {glue:text}`readings_first` % of the resamples. It is ahead of the next,
-# {glue:text}`readings_next`, by {glue:text}`readings_ahead` with a standard error of
-# {glue:text}`readings_ahead_error`, of the same skies and starts, and of the letter by
-# {glue:text}`readings_letter` with one of {glue:text}`readings_letter_error`; it was selected as the first,
-# which exaggerates both. {glue:text}`readings_scatter`.
+# **Result.** With {glue:text}`readings_starts` on each sky, the candidate that scores highest on the skies of
+# the selection is {glue:text}`readings_selected`. On the other skies it is number {glue:text}`readings_place`
+# of {glue:text}`readings_candidates`, and {glue:text}`readings_confirmed` is first. Over all skies means
+# range from {glue:text}`readings_least` to {glue:text}`readings_most`, that of
+# {glue:text}`readings_most_charitable`, which is first in {glue:text}`readings_first` % of the resamples. It
+# is ahead of the next, {glue:text}`readings_next`, by {glue:text}`readings_ahead` with a standard error of
+# {glue:text}`readings_ahead_error` (same skies and starts), and ahead of the letter by
+# {glue:text}`readings_letter` with a standard error of {glue:text}`readings_letter_error`. It was selected as
+# the first, which exaggerates both differences. {glue:text}`readings_scatter`.
 #
 # {glue:text}`readings_tied` candidates are not further from the first than the standard error of their
-# difference; of these {glue:text}`readings_tie` has the fewest departures from the text (of several with as
-# few, the highest mean). What a tie is was defined after most of these numbers were known. So the rule
-# selects this one, and the default is {glue:text}`readings_default`. Where the confirmation has
-# another first than the selection, all skies decide, and no independent ones remain to test that choice.
-# That the paper mentions a spurious peak beyond $\ell = 200$ (Sect. 4.2) is not counted as a statement on how
-# to continue there.
+# difference. Of these {glue:text}`readings_tie` has the fewest departures from the text (of several with as
+# few, the highest mean). The rule therefore selects it, and the default is {glue:text}`readings_default`. A
+# tie was defined after most of these numbers were known. If the first candidates of confirmation and
+# selection differ, all skies decide, and no independent skies remain to test that choice. The paper's mention
+# of a spurious peak beyond $\ell = 200$ (Sect. 4.2) is not counted as a statement on how to continue there.
 #
-# The selection rests on O6, which is judged with the regularised inversion in every candidate, not with that
-# of the candidate: without O6 the highest mean is {glue:text}`readings_without_most`, of
-# {glue:text}`readings_without_first`, and that of the default is {glue:text}`readings_without_default`. The
-# default is a convention, not a result.
+# The selection depends on O6, which is judged with the regularised inversion in every candidate, not with the
+# inversion of the candidate. Without O6 the highest mean is {glue:text}`readings_without_most`, that of
+# {glue:text}`readings_without_first`, and the mean of the default is {glue:text}`readings_without_default`.
+# The default is a convention, not a result.
 #
-# In a run that fails as many statements can hold as in one that does not, as it can have the excess, the peak
+# As many statements can hold in a run that fails as in one that does not, as it can have the excess, the peak
 # and the flagged plane of the paper: the letter with $\epsilon$ beyond $\ell = 200$ has an excess at low
-# $k_\nu$ that exceeds the truth by orders of magnitude. Earlier defaults rested on performance: the letter with free signs of
-# $\mathbf{A}$, until it failed in a run; `instrument-noise`, which did not fail in six runs; and `code-rounding`
-# continued with its $\epsilon$, which did not fail on eight starts on each of two skies at `laptop` and on
-# one at the paper's size. Results that are still of one of these say so.
+# $k_\nu$ that exceeds the truth by orders of magnitude. Earlier defaults were selected by performance: the
+# letter with free signs of $\mathbf{A}$, until it failed in a run; `instrument-noise`, which did not fail in
+# six runs; and `code-rounding` continued with its $\epsilon$, which did not fail in eight starts on each of
+# two skies at `laptop` and one at the paper's size. Results that still use one of these say so.
 #
 # More starts can change the order.
 
@@ -334,8 +338,8 @@ quote(
 # (readings-shares)=
 # ### Which claims hold at that size
 #
-# The share of members in which the main parts of a claim hold (mean over parts and skies, per cent), for the
-# default and the readings with a name. Claims on other methods alone are the same for all.
+# The table gives the share of members in which the main parts of a claim hold (mean over parts and skies, per
+# cent), for the default and the named readings. Claims on other methods alone are the same for all.
 
 # %% tags=["hide-input"]
 at_that_size = outcomes_of(rows)
@@ -346,9 +350,9 @@ shares = readings_table.shares_table(
 Table(shares.columns, shares.to_numpy(), align="ll" + "r" * (shares.shape[1] - 2))
 
 # %% [markdown]
-# The next table has, for the readings of the record at the top, the choices that contradict the text, the statements that hold,
-# failures and verdicts (signs as in the ledger); the last table, in each band, the value furthest from 1 of
-# any run (no column: {glue:text}`readings_empty`).
+# For the readings of the record at the top, the next table lists the choices that contradict the text, the
+# statements that hold, failures and verdicts (signs as in the ledger). The last table lists the value of any
+# run furthest from 1 in each band (no column: {glue:text}`readings_empty`).
 
 # %% tags=["hide-input"]
 summary = readings_table.summary_table(outcomes)
@@ -365,8 +369,9 @@ Table(shown.columns, shown.to_numpy(), align="l" + "r" * (shown.shape[1] - 1))
 
 # %% [markdown]
 # The default and the letter, with the same $\mathbf{A}$, fail in {glue:text}`readings_fails_default`, the
-# code in {glue:text}`readings_fails_code`, the follow-up in {glue:text}`readings_fails_follow_up`
-# ({ref}`restarts-failures` has probabilities). No failure here: {glue:text}`readings_sound`.
+# code in {glue:text}`readings_fails_code`, and the follow-up in {glue:text}`readings_fails_follow_up`
+# ({ref}`restarts-failures` gives probabilities). Readings without a failure here:
+# {glue:text}`readings_sound`.
 
 # %% tags=["hide-input"]
 sound = [known[label].title for label, one in outcomes.items() if not one.n_failing]
@@ -381,9 +386,9 @@ quote(
 # (readings-words)=
 # ## Effect of each choice
 #
-# The table has the paper's words for each choice and the readings that include it; for a choice that differs
-# from the default, how often the default fails with it, and which claims then change. A reading is set by
-# `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
+# The table lists the paper's words for each choice and the readings that include it. For a choice that
+# differs from the default it also gives how often the default fails with it, and which claims then change. A
+# reading is set by `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
 # `himap clean --method sdecgmca -p sign=free`. Choices that do not concern SDecGMCA, such as the smoothing of
 # HI, are in {doc}`../book/conventions`.
 
@@ -406,8 +411,7 @@ Table(head, readings_table.option_rows(outcomes))
 # The reading `code` is compared with the public code of {cite:t}`carloni2021` on a small problem (16
 # channels, $\ell \le 64$, four sources), step by step, in four variants: thresholds from the median absolute
 # deviation or from the propagated noise, $\mathbf{A} \ge 0$, and coefficients from $\mathbf{A}$ instead of
-# the spectra. The differences (left) and the effect of a start that
-# differs by $10^{-12}$ (right) grow alike.
+# the spectra. The differences (left) grow like the effect of a start that differs by $10^{-12}$ (right).
 
 # %% tags=["hide-input"]
 code = AuthorsCode.read(reference or RESULTS.parents[1] / "tests" / "data" / "sdecgmca_small.npz")
@@ -422,16 +426,16 @@ growth = [(pair[1][first_five] / pair[1][0]) ** (1 / 4) for pair in compared.val
 quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 
 # %% [markdown]
-# The codes agree to better than $10^{-6}$ for five iterations, which is tested. A change in the twelfth digit
-# of the start grows {glue:text}`readings_growth`-fold per iteration between the first and the fifth (geometric
-# mean of the variants).
+# The codes agree to better than $10^{-6}$ for five iterations, as a test checks. A change in the twelfth
+# digit of the start grows {glue:text}`readings_growth`-fold per iteration between the first and the fifth
+# (geometric mean of the variants).
 #
 # ## Conclusions
 #
-# - Claims about other methods do not depend on the reading; for those about SDecGMCA, the first table has
-#   the candidates for the choices that decide, with few runs of each.
-# - The options that decide whether a claim holds (names as in the code) are, where the paper's text is about them:
-#   {glue:text}`readings_stated`; where it says nothing or leaves them open: {glue:text}`readings_open`.
+# - Claims about other methods do not depend on the reading; for those about SDecGMCA, the first table lists
+#   the choices that may decide, with few runs of each.
+# - The options that decide whether a claim holds (names as in the code) are {glue:text}`readings_stated`,
+#   which the paper's text covers, and {glue:text}`readings_open`, which it does not mention or leaves open.
 #
 # ## Exercise
 #

@@ -24,8 +24,8 @@
 # > - **Good to know**: HEALPix maps and FITS files.
 # > - **Time and memory**: {cost}`17_your_own_cube`.
 #
-# This chapter cleans a cube in an awkward form: a FITS file written by healpy, in kelvin, NESTED, with
-# unsorted channels and a part of the sky missing. The truth is used only at the end. On the command line:
+# This chapter cleans a cube in an inconvenient format: a FITS file written by healpy, in kelvin, NESTED, with
+# unsorted channels and part of the sky missing. The truth is used only at the end. On the command line:
 #
 # ```sh
 # himap suggest cube.fits --freqs freqs.txt -o how_many.html
@@ -101,8 +101,8 @@ np.savetxt(folder / "freqs.txt", observation.freqs[order], fmt="%.6f")
 # ## Reading it
 #
 # `read_cube` sorts the channels, converts pixels to RING and temperatures to mK, and masks pixels that are
-# not observed in every channel. Its `remarks` list what it assumed and omitted; what a file does not say and
-# cannot be inferred is an error.
+# not observed in every channel. Its `remarks` list what it assumed and omitted. It raises an error if
+# required information is neither in the file nor can be inferred.
 
 # %%
 cube = read_cube(folder / "cube.fits", freqs=folder / "freqs.txt")
@@ -119,12 +119,12 @@ except InputError as error:
 # ## How many sources?
 #
 # Three criteria need no truth: the number of eigenvalues above the smooth decline of HI and noise, the
-# minimum of an information criterion, and the number after which one more source changes the spectra
-# little. `himap suggest` recommends the number on which the first two agree. If they do not, it recommends, for
-# a beam-aware method, that of the second if the spectra are stable after it, and otherwise the range between
-# the two; none if no number is stable or the second still falls at the last one. On a part of the sky the
-# eigenvalues of a beam-aware method include what the beam adds, and the second decides alone.
-# {doc}`22_how_many` measures how often each is right, on full skies.
+# minimum of an information criterion, and the number after which one more source changes the spectra little.
+# `himap suggest` recommends the number on which the first two agree. If they disagree, it recommends for a
+# beam-aware method the number of the second if the spectra are stable after it, and otherwise the range
+# between the two. It recommends none if no number is stable or the second criterion still falls at the last
+# one. On part of the sky the eigenvalues of a beam-aware method include those added by the beam, and only the
+# second criterion is used. {doc}`22_how_many` measures how often each is right, on full skies.
 
 # %% mystnb={"figure": {"name": "fig-own-suggestion", "caption": "Left: eigenvalues of the channel covariance, and the decline of HI and noise (dashed). Middle: Bayesian information criterion, linear below 2 and logarithmic above. Right: change of the spectra with one more source; the dashed line is 10 %."}}
 suggestion = suggest(cube, "pca", n_sources=range(1, n_most + 1))
@@ -145,9 +145,8 @@ show(
 # %% [markdown]
 # ## Cleaning
 #
-# PCA works on each line of sight, whatever pixels are missing. Methods that transform maps need
-# unobserved pixels inpainted ({doc}`24_masks`). `--mask` restricts the cleaning to a part of the
-# sky.
+# PCA works on each line of sight, whichever pixels are missing. For methods that transform maps, unobserved
+# pixels are inpainted ({doc}`24_masks`). `--mask` restricts the cleaning to part of the sky.
 
 # %%
 n_sources = suggestion.range[1] if suggestion.range else n_most
@@ -166,8 +165,8 @@ study.stamped(modes_figure(cleaned), beam=selected, n_sources=n_sources, missing
 study.stamped(maps_figure(cleaned), beam=selected, n_sources=n_sources, missing=missing)
 
 # %% [markdown]
-# The command writes these figures to a page; `save_cleaned` writes the cube with the channels, pixels and
-# unit of the input, in float32, and the foreground in float64 where float32 would cost HI, as below 100 MHz.
+# The command writes these figures to a page. `save_cleaned` writes the cube with the channels, pixels and
+# unit of the input in float32, and the foreground in float64 if float32 would lose HI, as below 100 MHz.
 
 # %%
 save_cleaned(cleaned, folder / "cleaned.fits")
@@ -179,9 +178,9 @@ print(f"first column: the channel at {observation.freqs[order[0]]:g} MHz, {unsee
 # %% [markdown]
 # ## Comparison with the truth
 #
-# For a simulation the truth shows how good the result is (`--truth` on the command line). Ratios below 1 are
-# signal loss: largest at small $k_\nu$ and low $\ell$, and visible at the ripple of the beam. Ratios above
-# the grey band would be foreground residual.
+# For a simulation the truth shows how accurate the result is (`--truth` on the command line). Ratios below 1
+# are signal loss: largest at small $k_\nu$ and low $\ell$, and visible at the ripple of the beam. Ratios
+# above the grey band would be foreground residual.
 
 # %% mystnb={"figure": {"name": "fig-own-spectra", "caption": "Angular (left) and frequency (right) power spectrum of the residual on the observed sky, and the ratio to the truth. Grey band: 10 %. C_l are decoupled from the mask and binned."}}
 truth = read_cube(folder / "truth.fits", freqs=folder / "freqs.txt")
@@ -236,7 +235,7 @@ show_table(rows)
 #
 # FITS image cubes (two sky axes in any projection, one of frequency, in K or mK) are read as they are and
 # written with the same header. PCA, FastICA, the two fits, the Gaussian process and GMCA clean them; the
-# other methods need the sphere. The page has $P(k_\perp, k_\parallel)$ in comoving Mpc/h, where foreground
+# other methods need the sphere. The page shows $P(k_\perp, k_\parallel)$ in comoving Mpc/h, where foreground
 # residual is at the smallest $k_\parallel$; for HEALPix, `--patches` shows it as a mean over flat patches.
 #
 # ```sh
@@ -244,22 +243,23 @@ show_table(rows)
 # himap clean image.fits --method pca -p n_sources=3 --weights hits.fits --flags rfi.fits -o cleaned_by_hits.fits
 # ```
 #
-# A pixel that is missing in one channel is excluded in all. With `--weights` (hits or inverse variances) or
-# `--flags` (1 where a voxel is bad) it is not; on the command line, PCA and the fits also use pixels that
-# lack some channels if these pixels are more than 1 % of those observed (in Python `read_cube(...,
-# scattered=True)`):
-# {doc}`26_a_survey`. {doc}`../book/simulators` covers cubes of other codes.
+# A pixel that is missing in one channel is excluded in all, except with `--weights` (hits or inverse
+# variances) or `--flags` (1 where a voxel is bad). On the command line, PCA and the fits also use pixels that
+# lack some channels if these pixels are more than 1 % of those observed (in Python
+# `read_cube(..., scattered=True)`); see {doc}`26_a_survey`. {doc}`../book/simulators` covers cubes of other
+# codes.
 #
 # ## What follows
 #
-# - **The number of sources** can be estimated without the truth where HI and noise are well below the
+# - **The number of sources** can be estimated without the truth if HI and noise are well below the
 #   foregrounds: here the criteria agree, and the table of errors confirms them. With one source fewer the
-#   ripple of the beam remains; each further one removes signal at large scales.
-# - **A beam-aware method** needs no sources for what the beam adds.
+#   ripple of the beam remains; each additional source removes signal on large scales.
+# - **A beam-aware method** needs no additional sources for the effect of the beam.
 #
 # ## Exercise
 #
-# How many sources does a cube of one resolution need, and do the criteria agree? Run `himap run 17_your_own_cube -p beam=degraded`.
+# How many sources does a cube with a single resolution need, and do the criteria agree? Run
+# `himap run 17_your_own_cube -p beam=degraded`.
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>

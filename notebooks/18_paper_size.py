@@ -25,16 +25,19 @@
 # > - **Read first**: {doc}`15_claims`.
 # > - **Time and memory**: {cost}`18_paper_size`.
 #
-# Most chapters use the preset `quick`, and the ledger is measured at `laptop`. This page has the claims and the
-# figures at the paper's size, `nside` 256 and 500 channels of 1 MHz. The largest difference in the foreground
-# is that the real Galaxy is made of templates of nside 64 with small scales drawn at random, where those
-# of PySM, which the paper uses, have nside 512; {doc}`../book/conventions` lists the others. One ledger has several restarts of
-# SDecGMCA and, as the figures, an HI box of 1024³ cells, which are {glue:text}`paper_size_cell` wide; a pixel
-# at the far end is {glue:text}`paper_size_pixel` wide. The other has the paper's 2048³ cells and a single run
-# of SDecGMCA in an earlier default reading, `code-rounding` continued beyond ℓ = 200 with its ε; so has the
-# ledger with smoothed HI ({doc}`16_readings`). {doc}`01_simulations` compares the two boxes.
+# Most chapters use the preset `quick`, and the ledger is measured at `laptop`. This page shows the claims and
+# the figures at the paper's size, `nside` 256 and 500 channels of 1 MHz. The largest difference in the
+# foreground is the real Galaxy: here it is made of templates of nside 64 with small scales drawn at random,
+# whereas those of PySM, which the paper uses, have nside 512. {doc}`../book/conventions` lists the other
+# differences.
 #
-# The results are stored in `book/results`; {doc}`../book/contributing` has the commands and {doc}`19_scale`
+# One ledger has several restarts of SDecGMCA and, like the figures, an HI box of 1024³ cells, which are
+# {glue:text}`paper_size_cell` wide; a pixel at the far end is {glue:text}`paper_size_pixel` wide. The other
+# has the paper's 2048³ cells and a single run of SDecGMCA in an earlier default reading, `code-rounding`
+# continued beyond ℓ = 200 with its ε. The ledger with smoothed HI uses the same reading ({doc}`16_readings`).
+# {doc}`01_simulations` compares the two boxes.
+#
+# The results are stored in `book/results`; {doc}`../book/contributing` lists the commands and {doc}`19_scale`
 # the times.
 
 # %% tags=["parameters"]
@@ -65,15 +68,15 @@ others = other_records(ledgers[0][1], folder)
 # (ledgers)=
 # ## The claims
 #
-# The real Galaxy at half the paper's size (`laptop`), and at the paper's with four times the pixels and twice
-# the channels. The second column has {glue:text}`paper_size_restarts` restarts, Table 1's number of sources
-# alone (N1 to N5 do not apply), and an HI box of 1024³ cells in place of 2048³: Galaxy and noise are the
-# same, and HI has the same Fourier modes where both boxes have them. The third is one run of a chaotic method
-# in the earlier reading, so that its parts on SDecGMCA may also differ by chance ({doc}`27_restarts`); its
-# verdicts are not counted. {doc}`15_claims` explains verdicts and signs; main parts that hold in less than 84 %
-# of the members are listed with that share, and the last column has the methods that fail and the records in
-# which all those parts hold. F1 is reproduced at `laptop` and not with the paper's box, since HI is brighter in
-# finer cells ({doc}`00_the_answer`).
+# The table compares the real Galaxy at half the paper's size (`laptop`) and at the paper's size, with four
+# times the pixels and twice the channels. The second column has {glue:text}`paper_size_restarts` restarts,
+# only Table 1's number of sources (N1 to N5 do not apply), and an HI box of 1024³ cells instead of 2048³.
+# Galaxy and noise are the same, and HI has the same Fourier modes if both boxes contain them. The third is
+# one run of a chaotic method in the earlier reading, so its parts on SDecGMCA may also differ by chance
+# ({doc}`27_restarts`); its verdicts are not counted. {doc}`15_claims` explains verdicts and signs. Main parts
+# that hold in less than 84 % of the members are listed with that share; the last column lists the methods
+# that fail and the records in which all those parts hold. F1 is reproduced at `laptop` but not with the
+# paper's box, since HI is brighter in finer cells ({doc}`00_the_answer`).
 
 # %% tags=["hide-input"]
 Markdown("\n\n".join([verdicts_table(ledgers[:2]), ledgers_table(ledgers, others=others)]))
@@ -82,17 +85,19 @@ Markdown("\n\n".join([verdicts_table(ledgers[:2]), ledgers_table(ledgers, others
 # (smoothed)=
 # ### Claims in three HI fields
 #
-# The effect of peak masking depends on how bright and how wide the brightest HI sources are, and what a
-# residual is worth on how bright HI is. The columns have the same Galaxy and noise, with cells twice as wide as those of the paper's box, with that box, and with the
-# wider cells and the matter smoothed by {glue:text}`paper_size_smoothing`, an option in the sample file of
-# the paper's simulator ({doc}`01_simulations`). The last two have one run of SDecGMCA each, in the earlier
-# reading. HI is brightest with the paper's box and faintest where it is smoothed (F1). With the former PCA and
-# FastICA meet E2, as in the paper; with the latter GMCA has the excess of E3, as in the paper. Of B1 to B3 and
-# D3 only the verdict on B1 differs, and that by SDecGMCA, whose parts are shares of eight restarts in
-# the first column and one run in the others: PCA, FastICA, GMCA and the parametric fit fail in all three. With
-# the paper's box this run has the bias of B2: through the evolving and the oscillating beam the frequency
-# spectrum is too low at large wavenumbers without masking, and not with it. No restart has it in the boxes with
-# wider cells.
+# The effect of peak masking depends on the brightness and width of the brightest HI sources, and the relative
+# size of a residual on the brightness of HI. The columns have the same Galaxy and noise. The first has cells
+# twice as wide as those of the paper's box, the second has that box, and the third has the wider cells with
+# the matter smoothed by {glue:text}`paper_size_smoothing`, an option in the sample file of the paper's
+# simulator ({doc}`01_simulations`). The last two have one run of SDecGMCA each, in the earlier reading.
+#
+# HI is brightest with the paper's box and faintest with smoothing (F1). With the former PCA and FastICA meet
+# E2, as in the paper; with the latter GMCA has the excess of E3, as in the paper. Of B1 to B3 and D3 only the
+# verdict on B1 differs. The difference is due to SDecGMCA, whose parts are shares of eight restarts in the
+# first column and one run in the others: PCA, FastICA, GMCA and the parametric fit fail in all three. With
+# the paper's box this run has the bias of B2: with the evolving and the oscillating beam the frequency
+# spectrum is too low at large wavenumbers without masking, but not with it. No restart has this bias in the
+# boxes with wider cells.
 
 # %% tags=["hide-input"]
 of_the_box = "F1", "E2", "E3", "D3", "B1", "B2", "B3"
@@ -113,22 +118,24 @@ quote(
 # (sizes)=
 # ## The figures
 #
-# All figures of the paper at its size, each for the real Galaxy and then the synthetic one. The linked
-# chapter states what each shows, and has both Galaxies at this size among its interactive curves. All have
-# eight restarts of SDecGMCA, the scan over the number of sources one, so that the minima in Figs. 3 and 4 can
-# change with the restart. Of restarts lines are medians, bands
-# their 16 to 84 % and thin lines single ones; ratios are linear near 1 and logarithmic beyond where a figure
-# says so. The figures and the ledger have the same starts of SDecGMCA, measured on different days: of the real
-# Galaxy {glue:text}`00_the_answer.ipynb::answer_figures_again:s` gave the same run again, the others another.
-# SDecGMCA recovers the angular power through the oscillating beam as the paper has it (O3) in
+# This section shows all figures of the paper at its size, for the real and the synthetic Galaxy. The linked
+# chapter explains each figure, and includes both Galaxies at this size among its interactive curves. All
+# figures have eight restarts of SDecGMCA, except the scan over the number of sources, which has one, so the
+# minima in Figs. 3 and 4 can change with the restart. Lines are medians over restarts, bands the 16 to 84 %
+# range, and thin lines single restarts; ratios are linear near 1 and logarithmic beyond if a figure says so.
+#
+# The figures and the ledger have the same starts of SDecGMCA, measured on different days. For the real Galaxy
+# {glue:text}`00_the_answer.ipynb::answer_figures_again:s` gave the same run again, the others another.
+# SDecGMCA recovers the angular power with the oscillating beam as in the paper (O3) in
 # {glue:text}`00_the_answer.ipynb::answer_figures_held:s` of the figures'
-# {glue:text}`00_the_answer.ipynb::answer_figures_restarts:s` and in
+# {glue:text}`00_the_answer.ipynb::answer_figures_restarts:s` restarts and in
 # {glue:text}`00_the_answer.ipynb::answer_large_held:s` of the ledger's
 # {glue:text}`00_the_answer.ipynb::answer_large_restarts:s`; less than 84 % is *undecided*. Of all
 # {glue:text}`00_the_answer.ipynb::answer_all_restarts:s` different runs
-# {glue:text}`00_the_answer.ipynb::answer_all_failed:s` fail, with which V7 would be
+# {glue:text}`00_the_answer.ipynb::answer_all_failed:s` fail, which would make V7
 # *{glue:text}`00_the_answer.ipynb::answer_all_robust:s`*. In Fig. 5 the medoid of the real Galaxy flags lines
-# of sight in much of the sky outside the Galactic plane; restarts differ (M1). All numbers are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# of sight in much of the sky outside the Galactic plane; restarts differ (M1). All numbers are in
+# `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]
 Markdown(pictures([real, synthetic], folder))
@@ -136,7 +143,8 @@ Markdown(pictures([real, synthetic], folder))
 # %% [markdown]
 # ## What follows
 #
-# A verdict here is based on a single realisation. One that differs between realisations or restarts at `laptop` ({doc}`15_claims`) may also differ on another sky at this size.
+# A verdict here is based on a single realisation. A verdict that differs between realisations or restarts at
+# `laptop` ({doc}`15_claims`) may also differ on another sky at this size.
 #
 # ## Exercise
 #

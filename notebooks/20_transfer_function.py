@@ -24,12 +24,12 @@
 # > - **Time and memory**: {cost}`20_transfer_function`.
 #
 # Every method removes some HI and leaves some foreground. The paper measures their net effect against the
-# truth, which an observation does not have. This chapter estimates both from **mocks**, skies of HI and noise
-# whose truth is known, seen through the same beam, by a parametric bootstrap ({cite:t}`efron1979`): the mock
-# $m$ replaces the HI and noise of the data, and with an estimated foreground $\hat f$ it is cleaned like the
-# data, peak masking included. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and an estimate
-# $F_m$ of the power that the method leaves of the foreground, made from the member as $F$ is from the data.
-# Their means give
+# truth, which an observation does not have. This chapter estimates both from **mocks**: skies of HI and noise
+# whose truth is known, seen through the same beam. The method is a parametric bootstrap
+# ({cite:t}`efron1979`). A mock $m$ replaces the HI and noise of the data; together with an estimated
+# foreground $\hat f$ it is cleaned like the data, including peak masking. Each member gives a residual
+# $r = \mathrm{clean}(\hat f + m)$, and an estimate $F_m$ of the power of the foreground residual, obtained
+# from the member as $F$ is from the data. Their means give
 #
 # ```{math}
 # T = \frac{\langle r\, m^* \rangle}{\langle |m|^2 \rangle} , \qquad
@@ -38,47 +38,46 @@
 # ```
 #
 # $r$ and $m$ are harmonic or Fourier coefficients, $P$ is the power of the residual of the data, and $F$ the
-# estimated power of the foreground that the method leaves in them. $T$ is
-# the transfer function ({cite:t}`switzer2013`, {cite:t}`cunnington2023`), $b$ the power of the residual
-# beyond $F_m$ and $T\, \langle |m|^2 \rangle$, and $\hat P$ the corrected spectrum. The truth $m$ is HI and
-# noise, through the beam. The error bar is the root mean square of $\hat P / |m|^2 - 1$ of the members, each
-# corrected by the others, times the factor of Student's $t$ distribution for their number. The paper has no such
-# correction.
+# estimated power of its foreground residual. $T$ is the transfer function ({cite:t}`switzer2013`,
+# {cite:t}`cunnington2023`), $b$ the power of the residual beyond $F_m$ and $T\, \langle |m|^2 \rangle$, and
+# $\hat P$ the corrected spectrum. The truth $m$ is HI and noise, seen through the beam. The error bar is the
+# root mean square of $\hat P / |m|^2 - 1$ over the members, each corrected with the others, times the factor
+# of Student's $t$ distribution for their number. The paper has no such correction.
 #
 # **Which foreground?** The sources of a method lack some of the foreground, and the faintest contain some HI.
-# With its estimate as $\hat f$ the mocks would have no foreground residual, and the correction would subtract
-# none.
-# For all methods $\hat f$ is therefore made of smooth spectra, seen through the beam, with the covariance
-# that the data have beyond that of the mocks; what is too faint to be seen in one band of multipoles is
-# estimated from several. Each member has its own $\hat f$: first a covariance is drawn, as it would be
+# If its own estimate were used as $\hat f$, the mocks would have no foreground residual, and the correction
+# would subtract none. For all methods $\hat f$ is therefore made of smooth spectra, seen through the beam.
+# Their covariance is the excess of the data over the mocks; components too faint for one band of multipoles
+# are estimated from several. Each member has its own $\hat f$: first a covariance is drawn, as it would be
 # estimated from other skies like this one, then a foreground from its posterior given the data
 # ({cite:t}`wandelt2004`). The mean of this posterior, a Wiener filter, has less power than the foreground,
-# above all where the foreground is no brighter than HI. Beyond $\ell = 2 n_\mathrm{side}$, where errors of
-# HEALPix can be brighter than HI, it has the spectra of the last band below.
+# especially if the foreground is no brighter than HI. Beyond $\ell = 2 n_\mathrm{side}$, where errors of
+# HEALPix can be brighter than HI, $\hat f$ has the spectra of the last band below.
 #
-# **What does the method leave of it?** $F$, by $\ell$ and $k_\nu$, is the expected power, under the posterior
-# above, of the part that the method leaves with its spectra held fixed. This is the part that a least-squares
-# fit of these spectra, seen through the beam if the method uses it, does not describe, or that the filter of
-# SmoothSpectra does not remove; what other methods leave beyond that is in $b$. For $F_m$ the member takes the
-# place of the data, and HI and noise have the covariance of the other mocks.
+# **Which part of it remains?** $F$, a function of $\ell$ and $k_\nu$, is the expected power of the foreground
+# residual under the posterior above, with the spectra of the method held fixed. This residual is the part
+# that a least-squares fit of these spectra, seen through the beam if the method uses it, does not describe,
+# or that the filter of SmoothSpectra does not remove. Any further foreground residual of other methods is in
+# $b$. For $F_m$ the member replaces the data, and HI and noise have the covariance of the other mocks.
 #
-# A foreground that remains is by chance correlated with HI. Where it is detected above HI and noise, this
-# correlation is in $P$ and in $F$, and largely cancels. In the members it does so only because each has an
-# $F_m$ of its own. With the same $F$ for all members the error bars would be too large: if one spectrum remains
-# entirely, its foreground has $v$ times the power of HI, and mocks are many, the error bar of the power in that
-# spectrum would be too large by a factor of $(1 + 4v)^{1/2}$. $b$ is then what $F$ lacks in the mean, the cross
-# power of foreground residual and residual of the mock, and, unless the loss is that of a fixed projection, a
-# negative part without any foreground.
+# The foreground residual is by chance correlated with HI. If it is detected above HI and noise, this
+# correlation is in both $P$ and $F$, and largely cancels. In the members it cancels only because each has its
+# own $F_m$; with the same $F$ for all members the error bars would be too large. If one spectrum remains
+# entirely, its foreground has $v$ times the power of HI, and there are many mocks, the error bar of the power
+# in that spectrum would be too large by a factor of $(1 + 4v)^{1/2}$. $b$ then contains the mean deficit of
+# $F$, the cross power of foreground residual and residual of the mock, and, unless the loss is that of a
+# fixed projection, a negative part that exists without any foreground.
 #
 # `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam` (possible for
-# methods that need none), on a part of the sky, or with gaps, $\hat f$ is that of the method itself, and its foreground
-# residual remains unknown. Two checks depend little on $\hat f$. The corrected power is compared with that of
-# the residual in parts of the sky, extrapolated to zero foreground. And the share of the power that neighbouring
-# channels have in common, to which noise does not contribute, is compared with that of the mocks.
+# methods that need none), on part of the sky, or with gaps, $\hat f$ is the estimate of the method itself,
+# and its foreground residual remains unknown. Two checks depend little on $\hat f$. The corrected power is
+# compared with that of the residual in parts of the sky, extrapolated to zero foreground. The share of the
+# power that neighbouring channels have in common, to which noise does not contribute, is compared with that
+# of the mocks.
 #
 # Mocks can also be added to the data, $\hat m = \mathrm{clean}(d + m) - \mathrm{clean}(d)$
-# ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but no foreground residual, and
-# doubles the HI to which a method adapts.
+# ({doc}`22_how_many`, {doc}`25_side_by_side`). This gives the signal loss but not the foreground residual,
+# and doubles the HI to which a method adapts.
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -175,7 +174,7 @@ panels = [
 
 # %% [markdown]
 # $T = 1$ means no loss. $T$ is smallest at the lowest $\ell$ and $k_\nu$, where HI resembles the foreground;
-# that of PCA has a minimum at the wavenumber of the ripple too.
+# for PCA it also has a minimum at the wavenumber of the ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-transfer-functions", "caption": "Cross power of residual and mock over the power of the mock, by multipole (left, in bins) and wavenumber (right)."}}
 study.stamped(plotting.lines(panels), beam=case.beam, n_mocks=n_mocks)
@@ -223,9 +222,9 @@ panels = [plotting.comparison_panel(kind, curves, title=title) for kind, title i
 study.stamped(plotting.spectrum(panels), beam=case.beam, n_mocks=n_mocks)
 
 # %% [markdown]
-# The table has the power in bands over the truth, uncorrected and corrected; *foreground* is what was
-# subtracted, $(F + b)/T$: the foreground residual, its cross power with HI, and the negative part of $b$, so that
-# it can be below zero. How often the truth lies within error bars is measured on many skies below.
+# The table lists the power in bands over the truth, uncorrected and corrected. *Foreground* is the subtracted
+# power, $(F + b)/T$: the foreground residual, its cross power with HI, and the negative part of $b$, so it
+# can be below zero. How often the truth lies within the error bars is measured on many skies below.
 
 # %% tags=["hide-input"]
 rows = {}
@@ -242,7 +241,8 @@ show_table(rows, columns=4)
 # %% [markdown]
 # ## By multipole and wavenumber
 #
-# The loss is at low $k_\nu$, in smooth spectra; up to which $k_\nu$ depends on $\ell$ through the beam.
+# The loss is at low $k_\nu$, in smooth spectra. The highest $k_\nu$ with a loss depends on $\ell$ through the
+# beam.
 
 # %% tags=["hide-input"]
 width = max(2, l_top // 32)
@@ -270,10 +270,10 @@ study.stamped(
 # %% [markdown]
 # ## Sensitivity to the mocks
 #
-# The HI of the data may differ from that of the mocks. The figure has $T$ of the first mock with a bias of HI
-# that is higher by 30 %, with twice and half the HI, and as Gaussian fields with the same power spectra, over
-# $T$ of the original, from one mock each. A line at 1 is a change that does not matter. How HI is correlated
-# along frequency is not varied; it may matter more (see the end of the summary).
+# The HI of the data may differ from that of the mocks. The figure shows $T$ of the first mock with an HI bias
+# that is 30 % higher, with twice and half the HI, and as Gaussian fields with the same power spectra,
+# relative to $T$ of the original, from one mock each. A line at 1 is a change without effect. The correlation
+# of HI along frequency is not varied; it may matter more (see the end of the summary).
 
 # %% tags=["hide-input"]
 variants = {
@@ -324,16 +324,16 @@ quote(
 )
 
 # %% [markdown]
-# For the first method these changes move $T$ by up to {glue:text}`transfer_changed_l` at $\ell \geq 10$, by
-# up to {glue:text}`transfer_changed_k` at $k_\nu > 0.03$ MHz$^{-1}$, and at smaller $k_\nu$ by up to
-# {glue:text}`transfer_changed_low_k`; at lower $\ell$ curves can leave the axis. This can be more than the
-# error bars below, which assume that the mocks have the right power.
+# For the first method these changes alter $T$ by up to {glue:text}`transfer_changed_l` at $\ell \geq 10$, by
+# up to {glue:text}`transfer_changed_k` at $k_\nu > 0.03$ MHz$^{-1}$, and by up to
+# {glue:text}`transfer_changed_low_k` at smaller $k_\nu$; at lower $\ell$ curves can be off the axis. This can
+# exceed the error bars below, which assume that the mocks have the correct power.
 #
 # (transfer-record)=
 # ## Coverage over many skies
 #
-# An error bar is right if the truth is within it in 68 % of the cases. This was measured with other mocks for
-# every sky:
+# An error bar is correct if the truth is within it in 68 % of the cases. This was measured with different
+# mocks for every sky:
 #
 # ```sh
 # himap measure transfer --preset ci -p n_mocks=12 -p 'methods=[["beam_subspace", 3], ["smooth_spectra", 4], ["pca", 6]]' --jobs 2
@@ -345,10 +345,10 @@ quote(
 # the expected ones, and *foreground* the mean of the foreground residual that was subtracted. *Within 1σ*
 # counts the skies on which the truth is within the error bar, with the binomial 95 % interval of that share;
 # *χ²* is the mean squared pull, (corrected $-$ truth) over the error bar, expected to be
-# {glue:text}`transfer_expected_pull` with error bars from {glue:text}`transfer_mocks` mocks. Bands of
-# one sky are not independent, so that intervals of several bands together are somewhat too narrow. All of
-# this is the coverage if HI and beam are those of the mocks; there is one real Galaxy. In the figures, bars
-# are standard errors of the means.
+# {glue:text}`transfer_expected_pull` with error bars from {glue:text}`transfer_mocks` mocks. Bands of one sky
+# are not independent, so intervals of several bands together are somewhat too narrow. This coverage holds if
+# HI and beam are those of the mocks; there is one real Galaxy. In the figures, bars are standard errors of
+# the means.
 
 # %% tags=["hide-input"]
 
@@ -392,7 +392,7 @@ summarised(records)
 # (transfer-larger)=
 # ## At higher resolution
 #
-# The same at `quick` and, of fewer skies, at `laptop`.
+# The same at `quick` and, with fewer skies, at `laptop`.
 
 # %% tags=["hide-input"]
 finer = stored(larger, "quick", "laptop")
@@ -477,16 +477,16 @@ quote(
 # %% [markdown]
 # ## Summary
 #
-# Through the oscillating beam, {glue:text}`transfer_mocks` mocks for each sky; {glue:text}`transfer_skies`
-# skies with each Galaxy, at `laptop` {glue:text}`transfer_fewest`. *Before* and *after* are
-# the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and $k_\nu > 0.03$;
-# at lower $\ell$ and $k_\nu$ they are mostly larger (tables above).
-# Coverage is of all bands; the squared pull is the median of bands. *With systematic* the error bar has, in
-# quadrature, all of the foreground residual that was subtracted, and is *wider by* that factor (median).
+# All results are for the oscillating beam, with {glue:text}`transfer_mocks` mocks for each sky and
+# {glue:text}`transfer_skies` skies with each Galaxy ({glue:text}`transfer_fewest` at `laptop`). *Before* and
+# *after* are the deviations of the mean over skies from the truth in the worst band of $\ell \geq 10$ and
+# $k_\nu > 0.03$; at lower $\ell$ and $k_\nu$ they are mostly larger (tables above). The coverage is over all
+# bands; the squared pull is the median of bands. *With systematic* the error bar includes, in quadrature, all
+# of the subtracted foreground residual, and is *wider by* that factor (median).
 #
-# In {glue:text}`transfer_right` of {glue:text}`transfer_cells` cases at `ci` and `quick`, each a size, Galaxy,
-# method and band, the interval of the coverage contains 68 %; with right error bars it would in about
-# {glue:text}`transfer_right_expected`. At `laptop` there are too few skies to tell band by band.
+# In {glue:text}`transfer_right` of {glue:text}`transfer_cells` cases at `ci` and `quick` (combinations of
+# size, Galaxy, method and band) the interval of the coverage contains 68 %; with correct error bars it would
+# do so in about {glue:text}`transfer_right_expected`. At `laptop` there are too few skies for single bands.
 
 # %% tags=["hide-input"]
 show_table(rows, columns=4)
@@ -494,30 +494,30 @@ show_table(rows, columns=4)
 # %% [markdown]
 # - **The foreground residual is estimated without the truth and subtracted** (in column *foreground*). It is
 #   largest for GMCA; on the few skies at `laptop` it is large for PCA too.
-# - **The correction assumes smooth foregrounds, the right beam and the right shape of HI.** The power of the
-#   estimated foreground is the excess of the data over the mocks, whose amplitude is scaled to the data in modes
-#   that are not smooth in frequency; so for it only their shape in $k_\nu$ matters, for $T$ also their amplitude.
-#   Its uncertainty is in the error bar, since it is estimated from each member anew.
-# - **The subtracted power is quoted as a systematic error**, as it rests on these assumptions, and added in
-#   quadrature. That is too cautious for most methods here, most of all for
-#   GMCA and for BeamSubspace with three sources on the real Galaxy; for BeamSubspace with four sources there it
-#   is not enough.
-# - **A source in which HI is as bright as the foreground is not corrected well.** On the real Galaxy the corrected
-#   power of BeamSubspace with four sources is too low at the lowest $k_\nu$ and too high at the lowest $\ell$,
-#   and its error bars are too small; on the synthetic Galaxy no deviation of its means is clear. A possible
-#   reason is that the estimated foreground is a Gaussian field and that of the Galaxy is not. With three
-#   sources the means at the lowest $\ell$ and $k_\nu$ are off by less than an error bar; at `ci` they are
-#   nevertheless too high at the lowest $k_\nu$ by more than chance explains.
-# - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (what was subtracted) is
-#   in the unit of the spectrum; the columns `error_1` and so on have the error of each mock, and
+# - **The correction assumes smooth foregrounds, the correct beam and the correct shape of HI.** The power of
+#   the estimated foreground is the excess of the data over the mocks, whose amplitude is scaled to the data
+#   in modes that are not smooth in frequency. It therefore depends only on their shape in $k_\nu$, whereas
+#   $T$ also depends on their amplitude. The error bar includes its uncertainty, since it is estimated anew
+#   from each member.
+# - **The subtracted power is quoted as a systematic error**, as it depends on these assumptions, and added in
+#   quadrature. That is too cautious for most methods here, especially for GMCA and for BeamSubspace with
+#   three sources on the real Galaxy; for BeamSubspace with four sources there it is not enough.
+# - **A source in which HI is as bright as the foreground is not corrected well.** On the real Galaxy the
+#   corrected power of BeamSubspace with four sources is too low at the lowest $k_\nu$ and too high at the
+#   lowest $\ell$, and its error bars are too small; on the synthetic Galaxy no deviation of its means is
+#   clear. A possible reason is that the estimated foreground is a Gaussian field, unlike the Galaxy. With
+#   three sources the means at the lowest $\ell$ and $k_\nu$ are off by less than an error bar; at `ci` they
+#   are nevertheless too high at the lowest $k_\nu$ by more than chance explains.
+# - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (the subtracted power)
+#   is in the unit of the spectrum; the columns `error_1` and so on list the error of each mock, and
 #   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
 #   bands than mocks, and the inverse is biased high ({cite:t}`hartlap2007`).
-# - **Lost modes are replaced by those of the mocks.** Where the transfer function is far from
-#   one, HI that is smoother in frequency than that of the mocks loses more than they predict, and its excess
-#   over them in smooth spectra is subtracted as foreground. The error bars include neither; the systematic
-#   error includes the latter. Use mocks with the right HI (`--mocks FILE`).
-# - **The truth is that of the same sky**, so the error bars contain sample variance and noise only of what is
-#   lost, or subtracted with the foreground. The commands below list the whole separately.
+# - **Lost modes are replaced by those of the mocks.** Where the transfer function is far from one, HI that is
+#   smoother in frequency than that of the mocks loses more than they predict, and its excess over them in
+#   smooth spectra is subtracted as foreground. The error bars include neither; the systematic error includes
+#   the latter. Use mocks with the correct HI (`--mocks FILE`).
+# - **The truth is that of the same sky**, so the error bars contain sample variance and noise only of the
+#   part that is lost, or subtracted with the foreground. The commands below list the total separately.
 #
 # For your cube:
 #
@@ -526,7 +526,7 @@ show_table(rows, columns=4)
 # himap transfer cube.h5 --method pca --beam oscillating -p n_sources=6 --mocks mock1.h5 --mocks mock2.h5 --truth hi.h5 -o transfer.html
 # ```
 #
-# Of mocks of your own give ten or so, each with `--mocks`: error bars from fewer are poor.
+# If you use your own mocks, give about ten, each with `--mocks`: error bars from fewer are poor.
 #
 # ## Exercises
 #
@@ -540,22 +540,22 @@ show_table(rows, columns=4)
 # <summary>Answer</summary>
 #
 # The corrected power hardly changes at $\ell \geq 10$, but some error bars change by up to about a factor of
-# two, since those of few mocks are themselves uncertain. The deviation of PCA at $5 \leq \ell < 10$ remains.
+# two, since error bars from few mocks are uncertain. The deviation of PCA at $5 \leq \ell < 10$ remains.
 #
 # </details>
 #
 # **2.** In a bootstrap $r = 0.9\, m + e$, where $e$ is uncorrelated with $m$ and has the power
-# $0.05\, \langle |m|^2 \rangle$, and all $F$ are 0. What are $T$ and $b$, and what is $\hat P$ of a residual
-# of power $P$?
+# $0.05\, \langle |m|^2 \rangle$, and all $F$ are 0. What are $T$ and $b$, and what is $\hat P$ for a residual
+# with power $P$?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $T = 0.9$, $\langle |r|^2 \rangle = (0.81 + 0.05) \langle |m|^2 \rangle$, so that
-# $b = -0.04\, \langle |m|^2 \rangle$, and $\hat P = (P + 0.04\, \langle |m|^2 \rangle) / 0.9$. For a
-# fixed orthogonal projection that leaves no foreground $\langle |r|^2 \rangle = T \langle |m|^2 \rangle$ in
-# $C_\ell$ averaged over channels, and $b = 0$; with foreground $F + b$ is then its residual power and its cross
-# power with the residual of the mock.
+# $T = 0.9$, $\langle |r|^2 \rangle = (0.81 + 0.05) \langle |m|^2 \rangle$, so
+# $b = -0.04\, \langle |m|^2 \rangle$, and $\hat P = (P + 0.04\, \langle |m|^2 \rangle) / 0.9$. For a fixed
+# orthogonal projection that leaves no foreground $\langle |r|^2 \rangle = T \langle |m|^2 \rangle$ in
+# $C_\ell$ averaged over channels, and $b = 0$; with foreground $F + b$ is then its residual power and its
+# cross power with the residual of the mock.
 #
 # </details>
 #

@@ -36,9 +36,9 @@
 #
 # **Method.** The public code of C21 was run on the sky of the preset `ci` ($N_\mathrm{side} = 32$, 100
 # channels, $\ell \leq 64$, oscillating beam, five sources, Table 1), unchanged except for a name that newer
-# versions of numpy do not have, and himap in the reading `code`, which has the same steps
-# ({doc}`16_readings`). *Restart* $k$ begins with $\mathbf{A}\,(1 + 10^{-10} g)$, $g$ normal; $k = 0$ is the
-# plain start. Most runs are stored with the book.
+# versions of numpy lack. himap was run in the reading `code`, which has the same steps ({doc}`16_readings`).
+# *Restart* $k$ begins with $\mathbf{A}\,(1 + 10^{-10} g)$, where $g$ is normally distributed; $k = 0$ is the
+# unperturbed start. Most runs are stored with the book.
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -101,11 +101,11 @@ Markdown("\n\n".join(f"*{record.made.footer()}*" for record in stored))
 # (restarts-growth)=
 # ## Growth of a small change
 #
-# Let $\theta$ be the largest angle between the column spaces of $\mathbf{A}$ of a restart and of the plain
-# start after the same number of iterations. Where $\sin\theta = 1$ each space contains a spectrum that is
-# orthogonal to the other.
+# Let $\theta$ be the largest angle between the column spaces of $\mathbf{A}$ of a restart and of the
+# unperturbed start after the same number of iterations. If $\sin\theta = 1$ each space contains a spectrum
+# that is orthogonal to the other.
 #
-# Look at the first iterations. The first multiplies the change by {glue:text}`restarts_first_ours` (himap) and
+# The first iteration multiplies the change by {glue:text}`restarts_first_ours` (himap) and
 # {glue:text}`restarts_first_theirs` (authors' code; medians with the synthetic and the real Galaxy). The
 # medians of $\sin\theta$ exceed a hundredth from iterations {glue:text}`restarts_order_ours` (himap) and
 # {glue:text}`restarts_order_theirs` (authors' code) on, and are at least {glue:text}`restarts_late` from
@@ -148,9 +148,10 @@ plotting.stamp(growth_figure(panels), "\n".join(one.made.footer() for one in sto
 # (restarts-converged)=
 # ## Convergence
 #
-# No run converges with this beam: the table has the share of the runs that meet the two stopping rules, and
-# the last relative change of $\hat{\mathbf{S}}$. Both codes end each stage by the number of iterations, 150
-# and 50. The last row has the authors' code on a finer sky (`laptop`, $N_\mathrm{side} = 128$, real Galaxy).
+# No run converges with this beam: the table lists the share of the runs that meet the two stopping rules, and
+# the last relative change of $\hat{\mathbf{S}}$. Both codes end each stage at the maximum number of
+# iterations, 150 and 50. The last row is for the authors' code on a finer sky (`laptop`,
+# $N_\mathrm{side} = 128$, real Galaxy).
 
 # %% tags=["hide-input"]
 RUNS = {
@@ -179,15 +180,16 @@ Table(
 # $\mathbf{A}$ is fitted to thresholded sources. Of the coefficients above the noise a share $K$ is kept,
 # which grows from zero: in the first iteration a scale of a source has about five, the minimum of the code.
 # The columns of $\mathbf{A}$ are then nearly parallel, least squares amplifies a change by up to the
-# condition number, and the next thresholds select other coefficients.
+# condition number, and the next thresholds select different coefficients.
 #
-# The figure tests this by changing elements. *No $K$* keeps all coefficients above the noise from the first
-# iteration on ($K = 1$, one warm-up iteration). *Instrument's noise* sets the thresholds by the propagated
-# noise instead of the median absolute deviation (MAD) of each scale.
+# The figure tests this by changing elements of the method. *No $K$* keeps all coefficients above the noise
+# from the first iteration on ($K = 1$, one warm-up iteration). *Instrument's noise* sets the thresholds by
+# the propagated noise instead of the median absolute deviation (MAD) of each scale.
 #
-# Removing $K$ alone does not stop the growth, because the MAD is that of signal and noise together: a threshold
-# of three times the MAD removes most coefficients. With the instrument's noise, without $K$ and with free signs of $\mathbf{A}$, the change
-# stays below {glue:text}`restarts_stable`; with $\mathbf{A} \geq 0$ it grows slowly.
+# Removing $K$ alone does not stop the growth, because the MAD is that of signal plus noise: a threshold of
+# three times the MAD removes most coefficients. With the instrument's noise, without $K$ and with free signs
+# of $\mathbf{A}$, the change stays below {glue:text}`restarts_stable`; with $\mathbf{A} \geq 0$ it grows
+# slowly.
 
 # %% tags=["hide-input"]
 growth = {
@@ -199,7 +201,8 @@ growth = {
 study.stamped(variants_figure(growth), beam=beam, n_sources=n_sources)
 
 # %% [markdown]
-# The share of the starlet coefficients that the thresholds of the first iteration keep, for the sources with most and fewest:
+# The table lists the share of starlet coefficients kept by the thresholds of the first iteration, for the
+# sources with most and fewest:
 
 # %% tags=["hide-input"]
 rows = {}
@@ -219,15 +222,16 @@ show_table(rows, head="variant")
 # (restarts-distributions)=
 # ## himap and the authors' code
 #
-# Beyond the first iterations, {ref}`where they agree <readings-code>`, codes for a chaotic iteration can only
-# be compared as distributions: here of the residual at $\ell \leq 64$, from at least
+# The codes {ref}`agree in the first iterations <readings-code>`. Beyond these, codes for a chaotic iteration
+# can only be compared by distributions: here of the residual at $\ell \leq 64$, from at least
 # {glue:text}`restarts_n_ours` restarts of himap and {glue:text}`restarts_n_theirs` of the authors' code on
 # each Galaxy.
 #
 # The last $\hat{\mathbf{S}}$ solves normal equations whose eigenvalues span more than nine decades. The
-# public code raises those below $10^{-9}$ of the largest to that floor; a floor at rounding ($10^{-14}$) with
-# the same $\mathbf{A}$ is compared. A run *fails* if its mean $|C/C_0 - 1|$ at $10 \leq \ell \leq 64$
-# exceeds 10 %, twice the 5 % of the paper. Solid and dashed curves of a floor should coincide.
+# public code raises those below $10^{-9}$ of the largest to that floor. It is compared with a floor at
+# rounding ($10^{-14}$) for the same $\mathbf{A}$. A run *fails* if its mean $|C/C_0 - 1|$ at
+# $10 \leq \ell \leq 64$ exceeds 10 %, twice the 5 % of the paper. For each floor solid and dashed curves
+# should coincide.
 
 # %% tags=["hide-input"]
 FLOORS = {1e-9: "floor of the code", 1e-14: "floor at rounding"}
@@ -248,8 +252,8 @@ plotting.stamp(
 )
 
 # %% [markdown]
-# On the real Galaxy most runs fail with the floor of the code; with the floor at rounding the failed runs are
-# the tails.
+# On the real Galaxy most runs fail with the floor of the code; with the floor at rounding the failed runs
+# form the tails.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-restarts-distributions-real", "caption": "Cumulative distributions over runs for himap (solid) and the authors' code (dashed) as in the previous figure, on the real Galaxy."}}
 name = (others or [name])[0]
@@ -258,9 +262,9 @@ plotting.stamp(
 )
 
 # %% [markdown]
-# The two-sample Kolmogorov–Smirnov test gives the probability $p$ of a difference at least as large if both
-# distributions are the same, from permutations. The last row combines all quantities (mean distance of the
-# distribution functions).
+# The two-sample Kolmogorov–Smirnov test gives, from permutations, the probability $p$ of a difference at
+# least as large if both distributions are the same. The last row combines all quantities (mean distance of
+# the distribution functions).
 
 # %% tags=["hide-input"]
 columns = {}
@@ -277,18 +281,18 @@ Table(
 )
 
 # %% [markdown]
-# The smallest $p$ of the last row is {glue:text}`restarts_p_least`. A small one would be a difference between
-# the codes; so few runs show large differences only.
+# The smallest $p$ of the last row is {glue:text}`restarts_p_least`. A small $p$ would mean a difference
+# between the codes; so few runs reveal only large differences.
 
 # %% [markdown]
 # (restarts-failures)=
 # ## Probability of failure
 #
-# The tables have the share of the members (skies times restarts; above it was one sky, with HEALPix pixels)
-# that fail, here by the mean at $10 < \ell < 200$ or up to the end of the maps, with the 2 sigma Wilson
-# interval, for the readings of {doc}`16_readings` and the numbers of sources of Table 1. Those of the default
-# at `laptop` with the real Galaxy are of the ledger and of the scan to 20 sources, on other skies. The default and the
-# letter differ beyond the last $\ell$ only: their shares differ by chance.
+# The tables list the share of the members (skies times restarts; above it was one sky, with HEALPix pixels)
+# that fail, with the 2 sigma Wilson interval, for the readings of {doc}`16_readings` and the numbers of
+# sources of Table 1. Here the mean is at $10 < \ell < 200$ or up to the end of the maps. The members of the
+# default at `laptop` with the real Galaxy are those of the ledger and of the scan to 20 sources, on other
+# skies. The default and the letter differ only beyond the last $\ell$: their shares differ by chance.
 
 # %% tags=["hide-input"]
 RESTARTS = find_experiment("restarts")
@@ -349,10 +353,10 @@ Table(["sky", "reading", *map(str, counts)], lines or [[NONE, *[""] * 11]], alig
 # (restarts-flags)=
 # ## Detecting a failure without the truth
 #
-# Over restarts of the readings default, `code` and `follow-up` together, the table has the share of the
-# failed runs that a flag detects, the share of the others that it flags, the probability that a failed run
-# has the larger value (one half: chance), and how often the restart with the smallest value fails (for the
-# distance from the others: the {term}`medoid`).
+# For restarts of the readings default, `code` and `follow-up` together, the table lists the share of the
+# failed runs that a flag detects and the share of the others that it flags. It also lists the probability
+# that a failed run has the larger value (one half: chance), and how often the restart with the smallest value
+# fails (for the distance from the others: the {term}`medoid`).
 
 # %% tags=["hide-input"]
 FLAGS = find_experiment("flags")
@@ -369,13 +373,13 @@ Table(head, rows or [[NONE, *[""] * 5]], align="llrrrr")
 # (restarts-way-out)=
 # ## What to use instead
 #
-# - **A stable iteration**: `SDecGMCA(thresholds="analytic", share=1, n_warmup=1, sign="free")` converges, after
-#   {glue:text}`restarts_settled` iterations, and restarts agree. It loses more HI at low $\ell$ than restarts
-#   of the default that do not fail, about as much as BeamSubspace with as many sources.
+# - **A stable iteration**: `SDecGMCA(thresholds="analytic", share=1, n_warmup=1, sign="free")` converges,
+#   after {glue:text}`restarts_settled` iterations, and restarts agree. It loses more HI at low $\ell$ than
+#   restarts of the default that do not fail, about as much as BeamSubspace with as many sources.
 # - **BeamSubspace** ({doc}`09_sdecgmca`) has the same model of the data and is not chaotic.
 # - **An ensemble** with its median and range: `SDecGMCA(restart=k)`, or `--restarts` of `himap clean`.
 #
-# Medians of {glue:text}`restarts_n_live` restarts run here.
+# The table lists medians of {glue:text}`restarts_n_live` restarts run here.
 
 # %% tags=["hide-input"]
 STABLE = {"thresholds": "analytic", "share": 1.0, "n_warmup": 1, "sign": "free"}
@@ -419,8 +423,8 @@ show(
 )
 
 # %% [markdown]
-# On another processor, runs made here differ from stored ones. For each quantity at least one should be in
-# the widened range of the stored ensemble (false alarms: less than once in ten thousand times).
+# On another processor, runs of this page differ from the stored ones. For each quantity at least one should
+# be in the widened range of the stored ensemble (false alarms: less than once in ten thousand times).
 
 # %% tags=["hide-input"]
 same_sky = (preset, survey, ripple, n_sources) == ("ci", {}, "bracket", 5) and galaxy in ours
@@ -443,17 +447,17 @@ else:
 # %% [markdown]
 # ## Conclusions
 #
-# - SDecGMCA is chaotic in its authors' code as in himap, and the tests above do not tell the two apart. A
-#   result needs its scatter over restarts.
+# - SDecGMCA is chaotic both in its authors' code and in himap, and the tests above do not distinguish the
+#   two. Results should be quoted with their scatter over restarts.
 # - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources,
 #   through $K$ and through thresholds from the MAD.
-# - Without the eigenvalue floor of $10^{-9}$ in the last step few runs of `code` fail. The default and
-#   the letter do not have this floor either, but their $\mathbf{A}$ differs from that of `code`. Through the
-#   oscillating beam most intervals of the failure rates overlap: but for readings whose intervals do not, these
-#   restarts do not rank them.
-# - Without the truth, most failures at `ci`, of three readings together, show as a residual that follows the
-#   foreground, or is far from that of the medoid if that has not failed; larger maps were not tested. The
-#   stopping rules flag all runs.
+# - Without the eigenvalue floor of $10^{-9}$ in the last step few runs of `code` fail. The default and the
+#   letter do not have this floor either, but their $\mathbf{A}$ differs from that of `code`. With the
+#   oscillating beam most intervals of the failure rates overlap; these restarts only rank readings whose
+#   intervals do not.
+# - Without the truth, most failures at `ci` (three readings together) are recognised by a residual that
+#   follows the foreground, or is far from that of the medoid if the medoid has not failed. Larger maps were
+#   not tested. The stopping rules flag all runs.
 #
 # ## Exercise
 #
@@ -462,8 +466,8 @@ else:
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# This occurs in $(1 - p)^8$ of the cases, which is 5 % for $p = 0.31$: eight good runs do not exclude that
-# every third fails.
+# This occurs in $(1 - p)^8$ of the cases, which is 5 % for $p = 0.31$: eight successful runs do not exclude
+# that every third run fails.
 #
 # </details>
 #
