@@ -22,10 +22,10 @@
 # > - **Tests** (verdicts of {doc}`15_claims`): {claim}`B1`, {claim}`B2`, {claim}`B3`.
 # > - **Time and memory**: {cost}`03_peak_masking`.
 #
-# A bright HI source is a peak in one or two channels. A fit of a smooth foreground bends towards it, and part
-# of the source is lost. {cite:t}`gkogkou2025` (Sect. 4.1, App. B) therefore replace such peaks before any
-# method runs, and call this step essential. Here the estimated foreground is subtracted from the **original**
-# maps, so that the peaks remain ([conventions](../book/conventions.md)).
+# A bright HI source is a peak in one or two channels. A fit of a smooth foreground bends towards it, and
+# removes part of the source. {cite:t}`gkogkou2025` (Sect. 4.1, App. B) therefore replace such peaks before
+# any method runs, and call this step essential. Here the estimated foreground is subtracted from the
+# **original** maps, so that the peaks remain ([conventions](../book/conventions.md)).
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -83,7 +83,7 @@ first, second, flagged = (own.basis @ own.first)[:, 0], (own.basis @ own.second)
 # 2. Flag every channel that deviates by more than $5\,\sigma$ (`n_sigma`), with $\sigma$ the standard deviation over the channels of this line.
 # 3. Fit again without the flagged channels, and replace these by the fit.
 #
-# On the scale of the foreground the peak is hardly visible.
+# On the scale of the foreground, the peak is hardly visible.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-line", "caption": "The line of sight with the brightest HI source (the paper's Fig. B.1). Left: observed temperature, and HI plus noise. Right: around the peak, on a logarithmic scale; stars mark flagged channels."}}
 width = 12 * np.diff(freqs).max()
@@ -110,7 +110,7 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected)
 
 # %% [markdown]
-# After subtraction it is evident. The first baseline bends towards the peak, the second does not.
+# After subtraction the peak is evident. The first baseline bends towards it, the second does not.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-flattened", "caption": "The flattened spectrum of this line of sight, for the baseline fitted to all channels and for that of the second fit (the paper's Fig. B.2). Left: all channels, with the threshold; right: the difference of the baselines."}}
 first_style = {"color": styles.BLUE, "label": "one fit"}
@@ -138,7 +138,7 @@ panels = [
 study.stamped(plotting.lines(panels), beam=selected)
 
 # %% [markdown]
-# The masked spectrum differs from the observed one at the flagged channels alone.
+# The masked spectrum differs from the observed one only at the flagged channels.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-smoothed", "caption": "The line of sight as observed, and with its peaks replaced by the second baseline (the paper's Fig. B.3). Left: all channels; right: around the peak."}}
 smoothed = np.where(flagged, second, line)
@@ -169,9 +169,9 @@ show(
 # %% [markdown]
 # ## What is masked
 #
-# `mask_peaks` treats all lines of sight alike. As the threshold is relative to the line of sight, fewer
-# channels are flagged where the polynomial has a foreground residual: in the Galactic plane and, for the
-# oscillating beam, over most of the sky.
+# `mask_peaks` treats all lines of sight alike. As the threshold depends on the line of sight, fewer channels
+# are flagged where the polynomial leaves foreground residual: in the Galactic plane and, for the oscillating
+# beam, over most of the sky.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-sky", "caption": "Share of the channels that are masked, averaged over cells of 7 degrees, for the three beams."}}
 fits = {name: baselines(study.observed(beams[name]).maps) for name in beams}
@@ -183,10 +183,10 @@ study.stamped(plotting.sky_maps(share, columns=3, unit="%", span=(0, top)))
 # %% [markdown]
 # ## HI peaks, or ripples of the beam?
 #
-# The paper conjectures that with the oscillating beam the clip mistakes ripples of the first fit for HI. The fit
-# is linear, so its residual is the sum of those of HI plus noise and of the foreground; the figure has the
-# share of the foreground for every masked channel. A curve that reaches 1 left of the dotted line (equal
-# contributions) means that all peaks are mostly HI.
+# The paper conjectures that with the oscillating beam the clip mistakes ripples of the first fit for HI. The
+# fit is linear, so its residual is the sum of the residuals of HI plus noise and of the foreground. The
+# figure shows the foreground's share for all masked channels. If a curve reaches 1 to the left of the dotted
+# line (equal contributions), all peaks are mostly HI.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-origin", "caption": "Cumulative distribution of the foreground's share in the height of masked peaks: 0 is HI, 1 foreground; below 0 the foreground is under its baseline. Dotted: equal contributions."}}
 
@@ -247,19 +247,19 @@ quote(
 
 # %% [markdown]
 # With the oscillating beam {glue:text}`peaks_of_hi` of the masked peaks are mostly HI. With this $\sigma$ no
-# sine of constant amplitude $a$ can be flagged: it has $\sigma = a/\sqrt{2}$ and its crests are at
-# $1.4\,\sigma$. It raises $\sigma$ and *hides* peaks: of those flagged in HI plus noise alone,
+# sine of constant amplitude $a$ can be flagged, as $\sigma = a/\sqrt{2}$ and its crests are at $1.4\,\sigma$.
+# Instead it raises $\sigma$ and *hides* peaks: of those flagged in HI plus noise alone,
 # {glue:text}`peaks_found_degraded` are flagged with the degraded and {glue:text}`peaks_found_oscillating`
 # with the oscillating beam ({glue:text}`peaks_found_plane` within 10° of the Galactic plane,
 # {glue:text}`peaks_found_pole` beyond 60°). The conjecture therefore depends on $\sigma$, which the paper
-# does not define: with that of the channel or the cube (`spread` of `mask_peaks`) ripples can be flagged.
-# Claim O8 is judged with each of them ({doc}`15_claims`).
+# does not define: with the $\sigma$ of the channel or of the cube (`spread` of `mask_peaks`) ripples can be
+# flagged. Claim O8 is judged with each of them ({doc}`15_claims`).
 
 # %% [markdown]
 # ## The effect on a cleaning
 #
-# PCA with the paper's numbers of components, with and without masking (here as in all chapters: order 6,
-# $5\,\sigma$). Without it power is lost, mostly in $P$ at the smallest $k_\nu$.
+# PCA with the paper's numbers of components is applied with and without masking (order 6 and $5\,\sigma$, as
+# in all chapters). Without masking, power is lost, mostly in $P$ at the smallest $k_\nu$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the angular (left) and frequency (right) power spectrum of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams)."}}
 pcas = {name: PCA(n_sources=table_1(one)["n_sources"]) for name, one in beams.items()}
@@ -314,9 +314,9 @@ quote(
 # %% [markdown]
 # ## Subtracted from which maps?
 #
-# The paper does not say from which maps the foreground is subtracted. Were it the masked ones, even the true
-# foreground would leave a signal that lacks its masked peaks. Its power over that of HI plus noise, for the
-# beam of this line of sight:
+# The paper does not say from which maps the foreground is subtracted. If it were the masked ones, even
+# subtraction of the true foreground would give a signal without its masked peaks. The table lists its power
+# over that of HI plus noise, for the beam of this line of sight:
 
 # %% tags=["hide-input"]
 without_peaks = pipeline.signal(study.case(selected))
@@ -335,21 +335,21 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# - A clip at $5\,\sigma$ of each line flags HI peaks and practically nothing else.
+# - A clip at $5\,\sigma$ of each line of sight flags almost only HI peaks.
 # - Without it $C_\ell$ after PCA changes by {glue:text}`peaks_change_angular` at most. $P$ at the smallest
 #   $k_\nu$ falls by {glue:text}`peaks_change_degraded`, {glue:text}`peaks_change_evolving` and
 #   {glue:text}`peaks_change_oscillating` for the degraded, evolving and oscillating beam, and changes by
-#   {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick`, for PCA, the step prevents a
-#   signal loss at the smallest $k_\nu$ and is not essential. The paper, at a resolution four times finer,
-#   calls it essential for all methods, and reports that it mitigates a bias of $P$ on all scales; the one run
+#   {glue:text}`peaks_change_far` at most beyond $0.05$ MHz$^{-1}$. At `quick`, for PCA, masking prevents a
+#   signal loss at the smallest $k_\nu$ but is not essential. The paper, at a resolution four times finer,
+#   calls it essential for all methods, and reports that it mitigates a bias of $P$ on all scales. The one run
 #   of SDecGMCA here with the paper's box has such a bias without it ({doc}`18_paper_size`).
 # - With the oscillating beam the foreground residual dominates, and masking does not reduce it.
-# - Subtracted from the masked maps, even the true foreground would leave {glue:text}`peaks_lacking_least` to
-#   {glue:text}`peaks_lacking_most` too little power, depending on the scale.
+# - If even the true foreground were subtracted from the masked maps, the power would be
+#   {glue:text}`peaks_lacking_least` to {glue:text}`peaks_lacking_most` too low, depending on the scale.
 #
 # ## Exercise
 #
-# Are more peaks flagged at $4\,\sigma$, and more of the foreground?
+# Are more peaks flagged at $4\,\sigma$, and is more foreground flagged?
 #
 # ```sh
 # himap run 03_peak_masking -p n_sigma=4
@@ -358,7 +358,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# More than twice as many voxels, still nearly all HI. The share of peaks that the ripple hides is about the
-# same.
+# More than twice as many voxels are flagged, still nearly all HI. The ripple hides about the same share of
+# peaks.
 #
 # </details>

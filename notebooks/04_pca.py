@@ -21,11 +21,11 @@
 # > - **Good to know**: eigenvectors of a covariance matrix.
 # > - **Time and memory**: {cost}`04_pca`.
 #
-# Foregrounds dominate the variance of the data and have few spectra, while HI changes from channel to
-# channel. Principal component analysis (PCA) estimates these spectra from the covariance of the channels and
-# removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 4.2) remove 3, 4 and 5
-# components for the degraded, the evolving and the oscillating beam. This chapter does so, for one beam (by default the degraded) in
-# detail and then for all three.
+# Foregrounds dominate the variance of the data and are described by few spectra, while HI changes from
+# channel to channel. Principal component analysis (PCA) estimates these spectra from the covariance of the
+# channels and removes them {cite:p}`alonso2015,cunnington2021`. {cite:t}`gkogkou2025` (Sect. 4.2) remove 3, 4
+# and 5 components for the degraded, the evolving and the oscillating beam. This chapter does the same, in
+# detail for one beam (by default the degraded) and then for all three.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -95,10 +95,10 @@ remover = removers[selected][0]
 # \mathbf{R} = \mathbf{X} - \mathbf{A}\,\mathbf{A}^{\top}\,\mathbf{X}.
 # ```
 #
-# This projection removes everything along the $n_s$ spectra, **HI included**. Too small an $n_s$ leaves
-# foreground, too large an $n_s$ removes signal. $\mathbf{A}$ and $\mathbf{S}$ are those of maps whose peaks
-# are masked, and $\mathbf{A}\,\mathbf{S}$ is subtracted from the maps with their peaks
-# ({doc}`03_peak_masking`), which are therefore not removed.
+# This projection removes everything along the $n_s$ spectra, **HI included**. If $n_s$ is too small,
+# foreground remains; if it is too large, signal is removed. $\mathbf{A}$ and $\mathbf{S}$ are obtained from
+# maps with masked peaks, but $\mathbf{A}\,\mathbf{S}$ is subtracted from the original maps
+# ({doc}`03_peak_masking`), so the peaks are not removed.
 
 # %% [markdown]
 # ## The number of components
@@ -107,7 +107,7 @@ remover = removers[selected][0]
 # (dotted; unknown in a real survey) form a plateau. The steeper the fall, the fewer components are needed.
 # For the degraded, evolving and oscillating beam {glue:text}`pca_above_degraded`,
 # {glue:text}`pca_above_evolving` and {glue:text}`pca_above_oscillating` eigenvalues exceed the largest of HI
-# plus noise; where the paper removes fewer, a foreground residual is expected.
+# plus noise; if the paper removes fewer, foreground residual is expected.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-eigenvalues", "caption": "The 15 largest eigenvalues of the channel covariance for the three beams, and of HI plus noise through the one that this chapter shows in detail, by default the degraded."}}
 rank = np.arange(1, min(15, study.survey.n_channels) + 1)
@@ -154,8 +154,8 @@ sources_figure(study, selected, remover)
 # %% [markdown]
 # ## The cleaned maps
 #
-# The difference has foreground residual along the Galactic plane and around its centre; at high latitude this
-# and signal loss are of similar size ({doc}`12_post_masking`).
+# The difference shows foreground residual along the Galactic plane and around its centre; at high latitude
+# foreground residual and signal loss are of similar size ({doc}`12_post_masking`).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by PCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
@@ -171,14 +171,14 @@ channel_figure(study, hardest, removers[hardest][0])
 angular_figure(study, removers)
 
 # %% [markdown]
-# The excess at small $k_\nu$ with the oscillating beam and the narrow peak at the wavenumber of the ripple, which
-# the paper has too, are foreground that five components do not describe.
+# The excess at small $k_\nu$ with the oscillating beam and the narrow peak at the wavenumber of the ripple,
+# also found in the paper, are foreground that five components do not describe.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-pca-frequency", "caption": "Frequency power spectrum, averaged over lines of sight, of the cleaned maps for the three beams, and its ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, removers)
 
 # %% [markdown]
-# The table has means of the ratios over bands, and the highest ratio near
+# The table lists means of the ratios over bands, and the highest ratio near
 # $k_\nu = 2\pi/(20\,\mathrm{MHz}) \approx 0.31\,\mathrm{MHz}^{-1}$, the wavenumber of the ripple.
 
 # %% tags=["hide-input"]
@@ -217,24 +217,26 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# All numbers are of this run.
+# All numbers are from this run.
 #
 # - **Degraded beam, {glue:text}`pca_n_degraded` components**: the mean $C/C_0$ is
-#   {glue:text}`pca_angular_degraded` at $\ell > 10$, and $P/P_0$ {glue:text}`pca_middle_degraded` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$. At smaller $k_\nu$, where HI
-#   is as smooth as the foregrounds, it is {glue:text}`pca_low_degraded`.
-# - **Evolving beam, {glue:text}`pca_n_evolving` components**: $P/P_0$ is {glue:text}`pca_first_evolving` at the
-#   smallest $k_\nu$, a signal loss, and {glue:text}`pca_second_evolving` at the next, a foreground residual;
-#   $C/C_0$ is {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
-# - **Oscillating beam, {glue:text}`pca_n_oscillating` components**: $C/C_0$ is {glue:text}`pca_largest_scales` at
-#   $\ell < 10$ and {glue:text}`pca_angular_oscillating` at $\ell > 10$, $P/P_0$ is
-#   {glue:text}`pca_middle_oscillating` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ and {glue:text}`pca_ripple` at the
-#   wavenumber of the ripple. With six components the latter is {glue:text}`pca_ripple_of_six`, and signal is
-#   removed: $P/P_0$ is {glue:text}`pca_low_of_six` below $0.03$ MHz$^{-1}$, and $C/C_0$
-#   {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
+#   {glue:text}`pca_angular_degraded` at $\ell > 10$, and $P/P_0$ {glue:text}`pca_middle_degraded` at
+#   $0.03 < k_\nu < 0.1$ MHz$^{-1}$. At smaller $k_\nu$, where HI is as smooth as the foregrounds, it is
+#   {glue:text}`pca_low_degraded`.
+# - **Evolving beam, {glue:text}`pca_n_evolving` components**: $P/P_0$ is {glue:text}`pca_first_evolving` at
+#   the smallest $k_\nu$, a signal loss, and {glue:text}`pca_second_evolving` at the next, a foreground
+#   residual; $C/C_0$ is {glue:text}`pca_last_evolving` at $\ell = 2\,N_\mathrm{side}$.
+# - **Oscillating beam, {glue:text}`pca_n_oscillating` components**: $C/C_0$ is
+#   {glue:text}`pca_largest_scales` at $\ell < 10$ and {glue:text}`pca_angular_oscillating` at $\ell > 10$,
+#   $P/P_0$ is {glue:text}`pca_middle_oscillating` at $0.03 < k_\nu < 0.1$ MHz$^{-1}$ and
+#   {glue:text}`pca_ripple` at the wavenumber of the ripple. With six components the latter is
+#   {glue:text}`pca_ripple_of_six`, but signal is removed: $P/P_0$ is {glue:text}`pca_low_of_six` below $0.03$
+#   MHz$^{-1}$, and $C/C_0$ is {glue:text}`pca_largest_scales_of_six` at $\ell < 10$.
 #
 # ## Exercise
 #
-# With one component more than in the paper for the oscillating beam, what happens to the peak of the ripple, and at what cost?
+# With one more component than in the paper for the oscillating beam, what happens to the peak at the ripple,
+# and at what cost?
 #
 # ```sh
 # himap run 04_pca -p beam=oscillating -p n_sources=6
@@ -244,6 +246,6 @@ quote(
 # <summary>Answer</summary>
 #
 # The peak and the excess at low $\ell$ vanish: both were the same component of the foreground. The cost is
-# signal: the ratios are below 1 on large scales and at small $k_\nu$.
+# signal loss: the ratios are below 1 on large scales and at small $k_\nu$.
 #
 # </details>

@@ -24,9 +24,9 @@
 # > - **Good to know**: independence of random variables, which is more than no correlation.
 # > - **Time and memory**: {cost}`05_fastica`.
 #
-# PCA makes sources uncorrelated ({doc}`04_pca`), which any rotation of maps of equal variance preserves.
-# Independent component analysis (ICA) requires statistical independence; FastICA {cite:p}`hyvarinen1999`
-# determines the rotation that is closest to it, and was applied early to 21 cm maps
+# PCA makes sources uncorrelated ({doc}`04_pca`), a property that any rotation of maps of equal variance
+# preserves. Independent component analysis (ICA) requires statistical independence. FastICA
+# {cite:p}`hyvarinen1999` determines the rotation that is closest to it, and was applied early to 21 cm maps
 # {cite:p}`chapman2012,wolz2014`. {cite:t}`gkogkou2025` show it and PCA as separate methods. This chapter
 # shows that both have the same cleaned maps.
 
@@ -107,7 +107,7 @@ pca = PCA(n_sources=n_sources)
 # %% [markdown]
 # ## The rotation cancels
 #
-# What is removed is
+# The removed foreground is
 #
 # ```{math}
 # :label: eq-ica-is-pca
@@ -129,9 +129,10 @@ show({f"{name}: pixels that differ from PCA": np.count_nonzero(cube) for name, c
 # %% [markdown]
 # ## The removed components
 #
-# The spectra need not be orthogonal. Unlike those of {numref}`fig-pca-mixing` and {numref}`fig-pca-sources`
-# all three look like emission at the defaults (the degraded beam), positive and falling with frequency, with mean spectral indices
-# {glue:text}`fastica_index_first`, {glue:text}`fastica_index_second` and {glue:text}`fastica_index_third`.
+# The spectra need not be orthogonal. With the defaults (the degraded beam) all three, unlike those of
+# {numref}`fig-pca-mixing` and {numref}`fig-pca-sources`, resemble emission: they are positive and fall with
+# frequency, with mean spectral indices {glue:text}`fastica_index_first`, {glue:text}`fastica_index_second`
+# and {glue:text}`fastica_index_third`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-mixing", "caption": "Columns of the mixing matrix of FastICA, of unit length, ordered by the variance of their sources."}}
 mixing_figure(study, selected, remover)
@@ -154,9 +155,9 @@ quote(
 )
 
 # %% [markdown]
-# The source of the first resembles free-free emission (the thin plane, compact regions), the others
-# synchrotron emission. They are still mixtures: the index of free-free emission is -2.1, and some pixels of
-# the plane are negative.
+# The first source resembles free-free emission (the thin plane, compact regions), the others synchrotron
+# emission. They are still mixtures: the index of free-free emission is -2.1, and some pixels of the plane are
+# negative.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
@@ -199,10 +200,9 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, contra
 # ## Dependence on the start
 #
 # The contrast can have several local extrema, and the foregrounds, which share the Galactic plane, are not
-# independent.
-# Six separations from different random rotations are compared; a correlation of 1 means that the source is
-# recovered again. Of the five other runs {glue:text}`fastica_differ_degraded` differ from the first with three
-# sources (degraded beam), {glue:text}`fastica_differ_evolving` with four (evolving) and
+# independent. Six separations from different random rotations are compared; a correlation of 1 means that the
+# same source is recovered. Of the five other runs {glue:text}`fastica_differ_degraded` differ from the first
+# with three sources (degraded beam), {glue:text}`fastica_differ_evolving` with four (evolving) and
 # {glue:text}`fastica_differ_oscillating` with five (oscillating); the smallest correlations are
 # {glue:text}`fastica_same_degraded`, {glue:text}`fastica_same_evolving` and
 # {glue:text}`fastica_same_oscillating`.
@@ -244,7 +244,7 @@ quote(
 )
 
 # %% [markdown]
-# The number of iterations depends on the start as well.
+# The number of iterations also depends on the start.
 
 # %% tags=["hide-input"]
 # The last digits of sums, which depend on threads and places in memory, decide when it stops.
@@ -262,7 +262,7 @@ show(
 # %% [markdown]
 # ## The cleaned maps
 #
-# They are those of {numref}`fig-pca-maps`.
+# The cleaned maps are those of {numref}`fig-pca-maps`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by FastICA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
@@ -278,7 +278,7 @@ both = {name: [PCA(n_sources=methods[0].n_sources), *methods] for name, methods 
 angular_figure(study, both)
 
 # %% [markdown]
-# They coincide along the line of sight, too.
+# They also coincide along the line of sight.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-frequency", "caption": "Frequency power spectrum of the maps cleaned by PCA and FastICA, for the three beams, and the ratio to the truth. Grey band: 10 %; ratios are linear near 1, logarithmic beyond. (Part of the paper's Fig. 2.)"}}
 frequency_figure(study, both)
@@ -291,12 +291,12 @@ show(study.band_numbers(removers))
 #
 # - FastICA removes the same space as PCA: cleaned maps, spectra and the number of components to choose are
 #   the same.
-# - Its sources look more like emission, but are not physical components, as these are not independent.
-# - The sources can depend on the random start, here with four components; what is removed does not.
+# - Its sources resemble emission more closely, but are not physical components, as these are not independent.
+# - The sources can depend on the random start, here with four components; the removed foreground does not.
 #
 # ## Exercise
 #
-# Does another contrast change the sources, and does it change the cleaned maps?
+# Does another contrast change the sources and the cleaned maps?
 #
 # ```sh
 # himap run 05_fastica -p contrast=cube
@@ -305,6 +305,7 @@ show(study.band_numbers(removers))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The sources change, as their spectral indices show. The cleaned maps are the same in every pixel, by {eq}`eq-ica-is-pca`.
+# The sources change, as their spectral indices show. By {eq}`eq-ica-is-pca` the cleaned maps are the same in
+# every pixel.
 #
 # </details>

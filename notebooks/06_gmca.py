@@ -87,9 +87,9 @@ pca = PCA(n_sources=n_sources)
 # %% [markdown]
 # ## Starlets
 #
-# Starlets {cite:p}`starck2007` are isotropic wavelets on the sphere: differences of a map smoothed with
-# kernels of doubling width (*detail scales*), and the smooth rest. Each scale is a filter of $\ell$; all add
-# up to the map.
+# Starlets {cite:p}`starck2007` are isotropic wavelets on the sphere: differences between maps smoothed with
+# kernels of doubling width (*detail scales*), and the remaining smooth map. Each scale is a filter in $\ell$;
+# all scales add up to the map.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole, fine to coarse from right to left."}}
 dashes = ["-", "--", "-.", ":", (0, (8, 2))]
@@ -103,7 +103,8 @@ labels = {"xlabel": styles.AXES["angular"]["xlabel"], "ylabel": "filter", "xscal
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 3.4)), n_scales=n_scales)
 
 # %% [markdown]
-# Detail scales are large near compact emission and at the edges of the plane and nearly zero elsewhere; the smooth scale is not sparse.
+# Coefficients of detail scales are large near compact emission and at the edges of the plane, and nearly zero
+# elsewhere; the smooth scale is not sparse.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "Starlet scales of the channel in the middle of the band, as observed, fine to coarse. Colours: central 96 % of the pixels."}}
 channel = study.observed(selected).maps[study.survey.n_channels // 2].astype(float)
@@ -112,9 +113,9 @@ scale_maps = dict(zip(names, scales, strict=True))
 study.stamped(plotting.sky_maps(scale_maps, limits=(2, 98)), beam=selected, n_scales=n_scales)
 
 # %% [markdown]
-# The finer the scale, the sparser it is and the earlier its curve rises: one coefficient in a thousand has
-# {glue:text}`gmca_share_finest` of the sum of squares of the finest, and {glue:text}`gmca_share_smooth` of that
-# of the smooth one.
+# The finer the scale, the sparser it is and the earlier its curve rises. The largest thousandth of the
+# coefficients contains {glue:text}`gmca_share_finest` of the sum of squares for the finest scale, and
+# {glue:text}`gmca_share_smooth` for the smooth scale.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Fraction of the sum of squares of a scale of this channel in its largest coefficients, against their fraction in number."}}
 counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
@@ -157,9 +158,9 @@ quote(
 # ```
 #
 # with the pseudo-inverse $^{+}$ and a threshold $\mathcal{T}_\lambda$, soft (`l1`) or hard (`l0`); columns of
-# $\mathbf{A}$ have unit length. Thresholds start at many $\sigma$ and fall to $3\sigma$ over 50 iterations, with $\sigma$
-# 1.48 times the median of the absolute coefficients of each source and scale. The iteration ends when the
-# foreground changes by less than a thousandth of the cleaned maps. The last
+# $\mathbf{A}$ have unit length. Thresholds start at many $\sigma$ and fall to $3\sigma$ over 50 iterations,
+# where $\sigma$ is 1.48 times the median of the absolute coefficients of each source and scale. The iteration
+# ends when the foreground changes by less than a thousandth of the cleaned maps. The last
 # $\mathbf{S} = \mathbf{A}^{+}\,\mathbf{X}$ has **no** threshold, and the cleaned maps are
 #
 # ```{math}
@@ -167,12 +168,13 @@ quote(
 # \mathbf{R} = \mathbf{X} - \mathbf{A}\,\mathbf{A}^{+}\,\mathbf{X} ,
 # ```
 #
-# a projection again (but for masked peaks, as in {doc}`04_pca`), which depends only on the space of
-# $\mathbf{A}$; that of PCA leaves the smallest variance. The [conventions](../book/conventions.md) list what the paper leaves open about GMCA.
+# again a projection (except for masked peaks, as in {doc}`04_pca`). It depends only on the space of
+# $\mathbf{A}$; that of PCA gives the smallest residual variance. The [conventions](../book/conventions.md)
+# list the choices about GMCA that the paper leaves open.
 #
-# The columns of $\mathbf{A}$ become nearly parallel, and the sources grow and cancel. $\sigma$ grows with them, so
-# that a threshold in mK can rise while it falls in units of $\sigma$. $\mathbf{A}$ still drifts at the end, but the angle of its space to that of PCA hardly changes
-# after the first iterations.
+# The columns of $\mathbf{A}$ become nearly parallel, and the sources grow and cancel. $\sigma$ grows with
+# them, so a threshold in mK can rise while it falls in units of $\sigma$. $\mathbf{A}$ still drifts at the
+# end, but the angle between its space and that of PCA hardly changes after the first iterations.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-iteration", "caption": "Left: threshold of each source in the finest detail scale against iteration (sources in the order of the principal components). Middle: condition number of the mixing matrix. Right: sine of the largest angle between its space and that of PCA."}}
 masked = pipeline.peak_masked(study.case(selected)).maps
@@ -224,7 +226,7 @@ study.stamped(
 mixing_figure(study, selected, remover)
 
 # %% [markdown]
-# The brightest sources exceed the sky and cancel: they are not components of emission.
+# The brightest sources exceed the sky and cancel: they are not emission components.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sources", "caption": "The sources of GMCA, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, remover)
@@ -232,7 +234,7 @@ sources_figure(study, selected, remover)
 # %% [markdown]
 # ## The cleaned maps
 #
-# The difference has structure near the Galactic centre: foreground residual or signal loss.
+# The difference shows structure near the Galactic centre, which is foreground residual or signal loss.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "A channel in the middle of the band: observed, cleaned by GMCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 channel_figure(study, selected, remover)
@@ -287,8 +289,9 @@ quote(
 # %% [markdown]
 # ## Dependence on the parameters
 #
-# Through this beam (by default the evolving), the other penalty and one scale fewer, which the data do not
-# determine, change the mean $C/C_0$ at $\ell < 10$ by {glue:text}`gmca_choices_spread` of the truth.
+# The data do not determine the penalty or the number of scales. With this beam (by default the evolving), the
+# other penalty and one scale fewer change the mean $C/C_0$ at $\ell < 10$ by {glue:text}`gmca_choices_spread`
+# of the truth.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-choices", "caption": "C/C0 for other parameters of GMCA, and for PCA, through one beam, by default the evolving."}}
 other_penalty, fewer_scales = "l0" if penalty == "l1" else "l1", max(1, n_scales - 1)
@@ -319,7 +322,7 @@ quote(gmca_choices_spread=(100 * np.ptp(choices), 2, "%"))
 # %% [markdown]
 # ## Cost
 #
-# Each iteration reads the cube twice, as PCA does in total.
+# Each iteration reads the cube twice, as often as PCA in total.
 
 # %% tags=["hide-input"]
 show(
@@ -337,10 +340,10 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 #
 # - With the oscillating beam GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA.
 #   With the evolving beam the two are close on this sky; on the real Galaxy GMCA has an excess at the lowest
-#   $\ell$, up to about 20 at the paper's size; over the intermediate $\ell$ of the paper its mean is not
-#   that of a clear excess (claim E3, {doc}`15_claims`), but for a sky with smoothed HI
-#   ({doc}`18_paper_size`).
-# - The mixing matrix becomes nearly degenerate: the total foreground is well defined, single sources are not.
+#   $\ell$, up to about 20 at the paper's size. Over the intermediate $\ell$ of the paper its mean is not a
+#   clear excess (claim E3, {doc}`15_claims`), except on a sky with smoothed HI ({doc}`18_paper_size`).
+# - The mixing matrix becomes nearly degenerate: the total foreground is well defined, individual sources are
+#   not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.
 #
 # ## Exercise
@@ -354,7 +357,7 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# No: six sources of either describe the foreground, and the spectra nearly agree. The larger residual of GMCA
-# is due to the missing component.
+# No: six sources of either method describe the foreground, and the spectra nearly agree. The larger residual
+# of GMCA is due to the missing component.
 #
 # </details>

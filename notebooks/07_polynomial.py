@@ -84,7 +84,7 @@ freqs = observed.freqs
 # This is {eq}`eq-pca-residual` with a mixing matrix that does not depend on the data. Channels that deviate
 # by more than $5\,\sigma$ are excluded from a second fit ({doc}`03_peak_masking`).
 #
-# A polynomial of order $n$ has at most $n$ zeros, far fewer than the ripple.
+# A polynomial of order $n$ has at most $n$ zeros, far fewer than the ripple has.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-mixing", "caption": "The spectra that the fit removes: polynomials of rising order, orthonormal over the channels."}}
 colours = [*styles.COLOURS, "black"]
@@ -112,9 +112,9 @@ study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selecte
 # ## Accuracy for a power law
 #
 # The best polynomial of order 6 follows $\nu^{-2.7}$ to {glue:text}`polynomial_parts` parts in 100 000, but
-# HI and noise are {glue:text}`polynomial_contrast` times fainter than a foreground of 10 K, a bright line of
-# sight in the Galactic plane: where the curve is above the dotted line the fit is not accurate enough. Each
-# order reduces the error by a factor between {glue:text}`polynomial_gain_least` and
+# HI and noise are {glue:text}`polynomial_contrast` times fainter than a foreground of 10 K, as on a bright
+# line of sight in the Galactic plane. Where the curve is above the dotted line the fit is not accurate
+# enough. Each order reduces the error by a factor between {glue:text}`polynomial_gain_least` and
 # {glue:text}`polynomial_gain_most`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-orders", "caption": "Largest error of the best polynomial to a power law of 10 K at mid-band, against its order. Dotted: the standard deviation of HI plus noise."}}
@@ -159,7 +159,7 @@ quote(
 # %% [markdown]
 # ## The residual
 #
-# In the plane the residual is a wave even for the degraded beam, the error of
+# In the plane the residual is a wave even for the degraded beam, due to the error of
 # {numref}`fig-polynomial-orders`. For the oscillating beam the ripple exceeds HI in the plane, and is
 # comparable to it at high latitude at the low end of the band.
 
@@ -186,7 +186,7 @@ for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60",
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), order=order)
 
 # %% [markdown]
-# In a map, the foreground residual is the Galactic plane.
+# In a map, the foreground residual is concentrated in the Galactic plane.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by the polynomial, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
@@ -195,7 +195,7 @@ channel_figure(study, hardest, remover)
 # %% [markdown]
 # ## The power spectra
 #
-# With the degraded and the evolving beam alike, there is an excess at the lowest $\ell$. With the oscillating
+# With both the degraded and the evolving beam there is an excess at the lowest $\ell$. With the oscillating
 # beam the excess grows with $\ell$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-angular", "caption": "Angular power spectrum of the maps cleaned by polynomials, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 1.)"}}
@@ -216,8 +216,8 @@ show(study.band_numbers(removers))
 # ## Dependence on the order
 #
 # The error of the cleaned maps is the sum of foreground residual, from the coefficients of the foreground
-# beyond the order, and signal loss, from those of the signal up to it. The total is near its minimum where
-# the two cross; with the oscillating beam they do not.
+# beyond the order, and signal loss, from the coefficients of the signal up to it. The total is near its
+# minimum where the two curves cross; with the oscillating beam they do not cross.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of the foreground residual for the three beams, and of the signal loss for the oscillating one, over that of the truth, against the order plus one. Channel means removed, no clipping. The degraded and the evolving beam hardly differ."}}
 top = int(0.6 * len(freqs))
@@ -280,8 +280,8 @@ quote(
 # The best order is {glue:text}`polynomial_best_degraded` for the degraded and
 # {glue:text}`polynomial_best_evolving` for the evolving beam, close to the paper's. For the degraded beam the
 # error is then {glue:text}`polynomial_lowest_degraded` of the truth, compared with
-# {glue:text}`polynomial_error_degraded` at the order of this run. With the oscillating beam there is none: at
-# the highest order shown, three fifths of the number of channels, the foreground residual is
+# {glue:text}`polynomial_error_degraded` at the order of this run. With the oscillating beam there is no best
+# order: at the highest order shown, three fifths of the number of channels, the foreground residual is
 # {glue:text}`polynomial_top_left` times the signal, and {glue:text}`polynomial_top_lost` of the signal is
 # lost (all rms).
 
@@ -289,13 +289,13 @@ quote(
 # ## Conclusions
 #
 # - The default order of 6 removes seven spectra from every line of sight, and more signal at the smallest
-#   $k_\nu$ than PCA with three ({doc}`10_results`). The residual in the Galactic plane gives an excess at $\ell < 10$ and
-#   $0.03 < k_\nu < 0.1$ MHz$^{-1}$.
+#   $k_\nu$ than PCA with three ({doc}`10_results`). The residual in the Galactic plane causes an excess at
+#   $\ell < 10$ and $0.03 < k_\nu < 0.1$ MHz$^{-1}$.
 # - The evolving beam, whose effect along a line of sight is smooth, changes the ratios by at most
 #   {glue:text}`polynomial_evolving_fine` at $\ell > 10$ and $k_\nu > 0.1$ MHz$^{-1}$, and by up to
 #   {glue:text}`polynomial_evolving_slow` at $k_\nu < 0.1$ MHz$^{-1}$.
-# - With the oscillating beam it fails by orders of magnitude at all but the lowest $\ell$ and $k_\nu$. Unlike
-#   PCA, a fit by line of sight cannot use that the ripple is coherent over the sky.
+# - With the oscillating beam the fit fails by orders of magnitude at all but the lowest $\ell$ and $k_\nu$.
+#   Unlike PCA, a fit to each line of sight cannot exploit the coherence of the ripple over the sky.
 #
 # ## Exercise
 #

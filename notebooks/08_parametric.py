@@ -18,7 +18,7 @@
 # # Parametric fitting
 #
 # > - **Read first**: {doc}`07_polynomial`.
-# > - **Good to know**: least squares where one parameter is not linear.
+# > - **Good to know**: least squares with one nonlinear parameter.
 # > - **Tests** (verdicts of {doc}`15_claims`): {claim}`V3`.
 # > - **Time and memory**: {cost}`08_parametric`.
 #
@@ -31,7 +31,7 @@
 # ```
 #
 # They assume that point sources are absorbed by these terms, and report that the fit fails with the evolving
-# and the oscillating beam. This chapter tests where it holds.
+# and the oscillating beam. This chapter tests when the model holds.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -85,17 +85,17 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 #   &= |T|^2 - (\mathbf{q}_1^{\top} T)^2 - (\mathbf{q}_2(\beta)^{\top} T)^2 , \qquad x = \nu/\nu_0 ,
 # ```
 #
-# with $\mathbf{q}_1$ the unit vector along the first power law and $\mathbf{q}_2(\beta)$ that along the part
-# of the second orthogonal to it: *variable projection* {cite:p}`golub1973`. The library tabulates
-# $\mathbf{q}_2$ as a Chebyshev series in $\beta$ and maximises with Newton's method. The paper names no
-# weights, so channels have equal ones.
+# where $\mathbf{q}_1$ is the unit vector along the first power law and $\mathbf{q}_2(\beta)$ that along the
+# part of the second orthogonal to it: *variable projection* {cite:p}`golub1973`. The library tabulates
+# $\mathbf{q}_2$ as a Chebyshev series in $\beta$ and maximises with Newton's method. The paper mentions no
+# weights, so all channels have equal weight.
 #
 # At $\beta = -2.13$ the terms are degenerate. The search is bounded to $-4 \leq \beta \leq -2.2$, and a line
 # of sight whose best $\beta$ is a bound is **flagged**.
 #
-# Each curve has one minimum. With the degraded beam it comes close to the dotted line in the plane and reaches
-# it at high latitude: the model fits. With the other two it is far above in the plane; at high latitude it is
-# close to it at a biased $\beta$.
+# Each curve has one minimum. With the degraded beam the minimum is close to the dotted line in the plane and
+# on it at high latitude: the model fits. With the other two beams it is far above the line in the plane; at
+# high latitude it is close to the line, but at a biased $\beta$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "Rms residual along two lines of sight against the index of the second power law, for the three beams. Dotted: the standard deviation of HI plus noise."}}
 x = freqs / remover.nu0
@@ -133,7 +133,7 @@ study.stamped(plotting.lines(panels))
 # %% [markdown]
 # ## The parameters
 #
-# $\alpha_1$ follows the true free-free emission in the Galactic plane, but not in single clouds off it.
+# $\alpha_1$ follows the true free-free emission in the Galactic plane, but not in individual clouds off it.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sources", "caption": "Parameters of the fit at mid-band: the amplitudes of free-free emission (alpha 1) and of the second power law (alpha 2), its index beta, and the simulated free-free emission, before the beam. Colours: central 96 % of the pixels."}}
 result = study.separation(selected, remover)
@@ -151,13 +151,13 @@ units = dict(zip(maps, ["mK", "mK", "", "mK"], strict=True))
 study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected, **bounds)
 
 # %% [markdown]
-# $\alpha_1$ has the Galactic plane, but is biased at high latitudes: its median is
-# {glue:text}`parametric_alpha` with the degraded beam, that of the true free-free emission
-# {glue:text}`parametric_free_free`. The two power laws are nearly degenerate over less than an octave, and
-# the sum of synchrotron emission and radio galaxies has a spectral curvature that the free-free term absorbs.
-# Only the *sum*, which is subtracted, is well constrained.
+# $\alpha_1$ shows the Galactic plane, but is biased at high latitudes: its median is
+# {glue:text}`parametric_alpha` with the degraded beam, compared with {glue:text}`parametric_free_free` for
+# the true free-free emission. The two power laws are nearly degenerate over less than an octave, and the sum
+# of synchrotron emission and radio galaxies has a spectral curvature that the free-free term absorbs. Only
+# the *sum*, which is subtracted, is well constrained.
 #
-# The derivatives with respect to the amplitudes are nearly the same; that with respect to the index changes
+# The derivatives with respect to the amplitudes are nearly identical; that with respect to the index changes
 # sign.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-mixing", "caption": "Derivatives of the spectrum with respect to alpha 1, alpha 2 and beta, at the median parameters of the sky: the columns of the mixing matrix, each over its largest value."}}
@@ -197,9 +197,9 @@ quote(
 # %% [markdown]
 # ## The residual
 #
-# With the degraded beam it is at the level of HI. Through the evolving beam sources near a line of sight fade
-# or brighten with frequency, as no power law does, and the residual is smooth and, in the plane, large. The oscillating
-# beam adds its ripple.
+# With the degraded beam the residual is at the level of HI. With the evolving beam, sources near a line of
+# sight fade or brighten with frequency, unlike a power law; the residual is smooth and, in the plane, large.
+# The oscillating beam adds its ripple.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-lines", "caption": "Residual of the parametric fit along two lines of sight (Galactic latitude 0, top, and 60 degrees, bottom), for the three beams, and HI plus noise. The scales differ."}}
 panels = []
@@ -240,7 +240,7 @@ channel_figure(study, hardest, remover)
 angular_figure(study, removers)
 
 # %% [markdown]
-# Along the line of sight, too, the power is close to the truth with the degraded beam only, except for a loss
+# Along the line of sight, the power is also close to the truth only with the degraded beam, except for a loss
 # at the smallest $k_\nu$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-frequency", "caption": "Frequency power spectrum of the maps cleaned by the parametric fit, for the three beams, and its ratio to the truth on a logarithmic axis. Grey band: 10 %. (Part of the paper's Fig. 2.)"}}
@@ -261,8 +261,8 @@ quote(
 # %% [markdown]
 # ## Which lines of sight fail
 #
-# The curve of the degraded beam falls left of the dotted line, where the error is below the signal, the other
-# two right of it.
+# The curve of the degraded beam falls to the left of the dotted line, where the error is below the signal;
+# the other two fall to the right of it.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Share of the sky whose rms error over channels is larger than each value, for the three beams. Channel means removed. Dotted: the standard deviation of HI plus noise."}}
 curves, numbers = [], {}
@@ -322,9 +322,10 @@ quote(
 # degraded, {glue:text}`parametric_worse_evolving` with the evolving and
 # {glue:text}`parametric_worse_oscillating` with the oscillating beam. With the latter two the worst 1 % have
 # errors of more than {glue:text}`parametric_worst_evolving` and {glue:text}`parametric_worst_oscillating`
-# times the signal, and {glue:text}`parametric_share_evolving` and {glue:text}`parametric_share_oscillating`
-# of the squared error. Flags identify only the extremes: without the flagged lines the error is
-# {glue:text}`parametric_good_evolving` and {glue:text}`parametric_good_oscillating` times the signal.
+# times the signal, and contribute {glue:text}`parametric_share_evolving` and
+# {glue:text}`parametric_share_oscillating` of the squared error. Flags identify only the extremes: without
+# the flagged lines the error is {glue:text}`parametric_good_evolving` and
+# {glue:text}`parametric_good_oscillating` times the signal.
 
 # %% [markdown]
 # ## Conclusions
@@ -334,11 +335,11 @@ quote(
 # - With a beam that changes with frequency the fit fails by orders of magnitude in both spectra, although the
 #   search converges everywhere, in about {glue:text}`parametric_steps` steps, and only
 #   {glue:text}`parametric_flagged_evolving` (evolving) and {glue:text}`parametric_flagged_oscillating`
-#   (oscillating) of the lines of sight are flagged. The size of the residuals shows the failure.
+#   (oscillating) of the lines of sight are flagged. The size of the residual reveals the failure.
 #
 # ## Exercise
 #
-# Do wider bounds reduce the flags, and the error?
+# Do wider bounds reduce the number of flags and the error?
 #
 # ```sh
 # himap run 08_parametric -p beta_min=-6

@@ -23,12 +23,12 @@
 # # Scale
 #
 # > - **Read first**: nothing; the steps are those of {doc}`01_simulations` to {doc}`10_results`.
-# > - **Good to know**: a shell, and for the last section a cluster.
+# > - **Good to know**: a shell and, for the last section, a cluster.
 # > - **Time and memory**: {cost}`19_scale`.
 #
-# Time and memory of each step at the paper's size (`nside` 256, 500 channels of 1 MHz, an HI box of 1024³
-# cells) on two cores, how they grow, what protects long runs, and how to use a cluster.
-# {doc}`../book/contributing` has the commands that measured them.
+# This chapter lists the time and memory of each step at the paper's size (`nside` 256, 500 channels of 1 MHz,
+# an HI box of 1024³ cells) on two cores. It also shows how they grow, how long runs are protected, and how to
+# use a cluster. {doc}`../book/contributing` has the commands that measured them.
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -61,27 +61,27 @@ extrapolation = extrapolated(laptop, paper, scaling, n_realisations=n_realisatio
 #
 # Each step starts from the cached results of those before it. *Memory* is the peak of the process and its
 # children, mapped files included. The *floor* is the time of the unavoidable transforms, memory traffic and
-# operations on this machine. *Alternative* is the usual tool on the same data (above 1: slower); where it is
-# too slow, a part is timed and scaled. *Goals* are for a machine without other load; missed ones are bold.
+# operations on this machine. *Alternative* is the usual tool on the same data (above 1: slower); if it is too
+# slow, a part is timed and scaled. *Goals* are for a machine without other load; missed goals are bold.
 
 # %% tags=["hide-input"]
 Markdown(steps_table(paper))
 
 # %% [markdown]
-# What the floors count:
+# The floors count:
 #
 # - **HI light cone**: fifteen passes over the box for five Fourier transforms, and two interpolations per
-#   step of each ray; gathering their sixteen scattered numbers takes most of the time and is not counted.
+#   step of each ray; gathering their sixteen scattered numbers takes most of the time but is not counted.
 # - **Observations**: the coefficients of HI and noise (with two refinements), and for each beam one synthesis
 #   in float32 for HI and noise and one in float64 for the foregrounds, a dozen spectral modes.
 # - **Peak masking, polynomial**: two reads and one write of the cube, one projection of each line of sight;
 #   lines with peaks are fitted again.
 # - **PCA, FastICA**: one covariance of the channels and two products with the cube.
-# - **Parametric**: two products of each line of sight with the curves of one index, of 65 that are compared
-#   and interpolated.
-# - **GMCA**: in each iteration two products with the cube, and starlets of the sources there and back.
+# - **Parametric**: two products of each line of sight with the curves of one index, out of 65 that are
+#   compared and interpolated.
+# - **GMCA**: in each iteration two products with the cube, and forward and inverse starlets of the sources.
 # - **Harmonic analysis, BeamSubspace, SDecGMCA**: every channel once for both methods; in each iteration two
-#   products with the coefficients, and every scale of every source there and back.
+#   products with the coefficients, and forward and inverse transforms of every scale of every source.
 # - **All measures**: $C_\ell$, $P(k)$, Pearson $r$ and the errors of lines of sight, from transforms of the
 #   few spectra times maps by which the residual differs from the truth.
 
@@ -89,10 +89,10 @@ Markdown(steps_table(paper))
 # (whole)=
 # ### The whole paper
 #
-# From an empty cache, with the real Galaxy and {glue:text}`scale_jobs` processes: the light cone, three
-# observations, all methods and every figure, with {glue:text}`scale_restarts` restarts of SDecGMCA through
-# each beam and with the plane dimmed; the scan of $n_s$ and the ledger with one. *Memory* is the peak of all
-# processes, mapped files included, and what several processes share counts once.
+# Starting from an empty cache, with the real Galaxy and {glue:text}`scale_jobs` processes, this includes the
+# light cone, three observations, all methods and every figure. There are {glue:text}`scale_restarts` restarts
+# of SDecGMCA for each beam and with the plane dimmed, but one for the scan of $n_s$ and the ledger. *Memory*
+# is the peak of all processes, mapped files included; shared memory counts once.
 
 # %% tags=["hide-input"]
 whole = read_stored("whole_paper", results)
@@ -101,8 +101,8 @@ rows = [[one["step"], f"{short(one['seconds'] / 60)} min", f"{one['memory_gb']:.
 Markdown("\n".join(Table(["Part", "Time", "Memory"], rows).markdown()))
 
 # %% [markdown]
-# With the scan of $n_s$ up to 20 the claims need 80 separations, where Figs. 1 and 2 have 18: six methods in
-# seven cases, other $\sigma$ of the peak masking, variants of SDecGMCA, and the scan.
+# With the scan of $n_s$ up to 20 the claims need 80 separations, compared with 18 for Figs. 1 and 2: six
+# methods in seven cases, other $\sigma$ of the peak masking, variants of SDecGMCA, and the scan.
 
 # %% [markdown]
 # ## The same at half that size
@@ -114,9 +114,9 @@ Markdown(steps_table(laptop))
 # (growth)=
 # ## How the cost grows
 #
-# The exponent $p$ of time $\propto x^p$, between the two largest of three sizes. With `nside` the HI box
-# grows as well, four cells per unit. On a shared machine a fixed piece of work is timed before and after each
-# measurement, and times are scaled to the quickest pace.
+# The table lists the exponent $p$ of time $\propto x^p$ between the two largest of three sizes. The HI box
+# also grows with `nside`, by four cells per unit. As the machine is shared, a fixed piece of work is timed
+# before and after each measurement, and times are scaled to the fastest pace.
 #
 # The slope of a line is the exponent.
 
@@ -150,8 +150,8 @@ Markdown(growth_table(scaling))
 # ({ref}`simulations-resolution`). The CPU time of himap was 0.93 of CRIME's with a box of 512³ cells and 0.85
 # with 1024³: for twice the cells along a side it grew by a factor of 8.4, that of CRIME by a factor of 9.2.
 # Memory is alike. The public code of SDecGMCA's authors took 200 to 215 s on one core for a run at half the
-# paper's size, in the same hour in which himap took 12 to 18 s, on a number of cores that was not noted. These were measured once and cannot be
-# repeated from this repository, which has neither code.
+# paper's size, in the same hour in which himap took 12 to 18 s, on a number of cores that was not noted.
+# These times were measured once and cannot be reproduced from this repository, which contains neither code.
 
 # %% [markdown]
 # ## Long runs
@@ -163,9 +163,9 @@ Markdown(growth_table(scaling))
 #
 # - **Interrupted?** Run the same command again. Products are written completely or not at all, with a
 #   checksum; the result equals that of an undisturbed run bit for bit.
-# - **Memory** is estimated first, and what does not fit is refused. `--max-memory` (or `HIMAP_MAX_MEMORY`)
-#   sets the limit; the default is the free memory. `--jobs 2` cleans two cubes at once, with twice the
-#   memory.
+# - **Memory** is estimated first, and a run that does not fit is refused. `--max-memory` (or
+#   `HIMAP_MAX_MEMORY`) sets the limit; the default is the free memory. `--jobs 2` cleans two cubes at once
+#   and needs twice the memory.
 # - **Disk**: a cube of the paper's size is {glue:text}`scale_cube`. The ledger keeps the cubes of one case
 #   while it works, and those of an interrupted run; `himap cache clear pipeline.observation` deletes cubes at
 #   any time.
@@ -174,9 +174,9 @@ Markdown(growth_table(scaling))
 # ### Tests of interruption
 #
 # Processes were killed at random times and restarted until they finished; their results were compared bit by
-# bit with an undisturbed run. *Failed* counts restarts that did not finish, and ends without a clear message;
-# *left behind* counts files, shared memory and processes that were not removed. On a full disk a command ends
-# with a message, or continues without storing.
+# bit with an undisturbed run. *Failed* counts restarts that did not finish, and runs that ended without a
+# clear message; *left behind* counts files, shared memory and processes that were not removed. On a full disk
+# a command ends with a message, or continues without storing.
 
 # %%
 Markdown(endurance_table(read_stored("endurance", results)))
@@ -240,17 +240,18 @@ head = ["Step", "Once, two cores", "Times", f"Core hours, {n_realisations} reali
 Markdown("\n".join(Table(head, rows).markdown()))
 
 # %% [markdown]
-# The exponent with channels is measured; that with `nside` follows from the two tables of steps, divided by
-# the factor for twice the channels, and at least 0 (SDecGMCA ends at the same $\ell$ at both sizes). These extrapolations, by {glue:text}`scale_further` in `nside` and
-# {glue:text}`scale_more` in channels, from small maps, the oscillating beam and a shared machine, are
+# The exponent with channels is measured. The exponent with `nside` follows from the two tables of steps,
+# divided by the factor for twice the channels, and is at least 0 (SDecGMCA ends at the same $\ell$ at both
+# sizes). These extrapolations, by factors of {glue:text}`scale_further` in `nside` and
+# {glue:text}`scale_more` in channels, are from small maps, the oscillating beam and a shared machine, and are
 # uncertain by a factor of two or more. The cubes of one realisation take {glue:text}`scale_disk` times the
 # disk space of the paper's size.
 #
-# Dask does not divide a product: a worker holds whole cubes, {glue:text}`scale_large_cube` each at this size,
-# so that the step with the largest memory sets what a worker needs, {glue:text}`scale_worker`. Use one worker
-# per node, with `memory` and `HIMAP_MAX_MEMORY` above that, and its cores in the variables of the prologue.
-# There are two stages, one after the other: {glue:text}`scale_cases` observations, of which those of the same
-# sky wait for its light cone, and {glue:text}`scale_cleanings` independent cleanings. With
+# Dask does not divide a product: a worker holds complete cubes of {glue:text}`scale_large_cube` each at this
+# size. The step with the largest memory therefore sets the memory of a worker, {glue:text}`scale_worker`. Use
+# one worker per node, with `memory` and `HIMAP_MAX_MEMORY` above that, and set its cores in the variables of
+# the prologue. There are two consecutive stages: {glue:text}`scale_cases` observations, of which those of the
+# same sky wait for its light cone, and {glue:text}`scale_cleanings` independent cleanings. With
 # {glue:text}`scale_nodes` such workers of two cores both take {glue:text}`scale_days`, if the shared disk
 # keeps up.
 
@@ -280,17 +281,19 @@ quote(
 # %% [markdown]
 # ## What follows
 #
-# - At the paper's size every step takes minutes at most on two cores.
-# - Most steps are as fast as the usual tools or faster.
+# - At the paper's size every step takes at most minutes on two cores.
+# - Most steps are at least as fast as the usual tools.
 #
 # ## Exercise
 #
-# The light cone needs a box of four cells per unit of $N_\mathrm{side}$. With which exponents of $N_\mathrm{side}$ do its memory and that of a cube of maps grow?
+# The light cone needs a box of four cells per unit of $N_\mathrm{side}$. With which powers of
+# $N_\mathrm{side}$ do its memory and that of a cube of maps grow?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The box has $(4\,N_\mathrm{side})^3$ cells, so 3; a cube has $12\,N_\mathrm{side}^2$ pixels in each channel, so 2. Beyond some size the box limits.
+# The box has $(4\,N_\mathrm{side})^3$ cells, so 3; a cube has $12\,N_\mathrm{side}^2$ pixels in each channel,
+# so 2. Beyond some size the box is the limit.
 #
 # </details>
 #

@@ -25,8 +25,9 @@
 # > - **Read first**: {doc}`09_sdecgmca`, {doc}`20_transfer_function`.
 # > - **Time and memory**: {cost}`21_beam_errors`.
 #
-# The paper assumes the true beam; that of a telescope is measured, with an error. Here the assumed beam is
-# wrong by a known amount. At which error is a method without a beam better, and do additional sources help?
+# The paper assumes the true beam; that of a telescope is measured with an error. Here the assumed beam is
+# wrong by a known amount. At what error does a method without a beam become better, and do additional sources
+# help?
 #
 # The assumed FWHM is the true one times $1 + e$:
 #
@@ -38,9 +39,9 @@
 #
 # Two effects are measured separately. The **recovered** share of the HI is the part of the residual that is
 # correlated with the truth $t$, $\langle \hat t\, t^* \rangle / \langle |t|^2 \rangle$; mocks correct it
-# ({doc}`20_transfer_function`). A fixed projection recovers a mode completely or not at all, so that the excess
-# of $P/P_0$ over this share, summed over $k_\nu$, is **foreground residual**. Spectra that are fitted to data
-# with HI, and single bands, add a few per cent of either sign: smaller values are no detection of foreground.
+# ({doc}`20_transfer_function`). A fixed projection recovers a mode completely or not at all, so the excess of
+# $P/P_0$ over this share, summed over $k_\nu$, is **foreground residual**. Spectra fitted to data with HI,
+# and single bands, add a few per cent of either sign; smaller values are not a detection of foreground.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -92,16 +93,16 @@ study = Study(
 # ## One sky
 #
 # Each method cleans the same observation with several assumed beams. The figure shows the band with the
-# largest residual, of $10 \leq \ell < 100$ and $k_\nu > 0.03$.
+# largest residual within $10 \leq \ell < 100$ and $k_\nu > 0.03$.
 
 # %%
 table = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
-# A rising curve is a method that is sensitive to its beam. Where it crosses the horizontal curve, a method
-# without a beam is better. With three sources an error that oscillates with frequency leaves far more
-# foreground than one that all channels share. A fourth source can fit the spectrum that it adds if that is
-# bright; the residual is largest where its effect on the foreground is as bright as HI.
+# A rising curve indicates a method that is sensitive to its beam. Where it crosses the horizontal curve, a
+# method without a beam becomes better. With three sources an error that oscillates with frequency leaves far
+# more foreground than one common to all channels. A fourth source can fit the spectrum added by the error if
+# this is bright; the residual is largest if the effect on the foreground is as bright as HI.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-beam-errors-sky", "caption": "Foreground residual over the power of HI and noise, in the worst band, by the error of the assumed beam. Horizontal: a method without a beam; grey line: 1 %. Values below 0.1 % are not shown."}}
 study.stamped(beam_errors_figure(table), beam=case.beam)
@@ -110,18 +111,18 @@ study.stamped(beam_errors_figure(table), beam=case.beam)
 # (beam-errors-record)=
 # ## Over several skies
 #
-# More errors, methods and skies, stored with the book, for both Galaxies:
+# Results for more errors, methods and skies are stored with the book, for both Galaxies:
 #
 # ```sh
 # himap measure beam_errors --preset quick -p n_realisations=5 --jobs 2
 # ```
 #
-# With four sources or more BeamSubspace has a smaller residual at large errors, where the effect of the wrong
-# beam on the foreground is bright enough to be fitted by an additional source. Where it is as bright as the
-# HI, no source fits it. SDecGMCA, with five sources and one run on each sky, is chaotic ({doc}`27_restarts`):
-# at small errors its points scatter by the difference between runs. At larger errors, but for those of the
-# width on the real Galaxy, its residual rises about where that of BeamSubspace with three sources does: five
-# sources do not make it less sensitive to the beam.
+# With four or more sources BeamSubspace has a smaller residual at large errors, where the effect of the wrong
+# beam on the foreground is bright enough to be fitted by an additional source. If it is only as bright as HI,
+# no source fits it. SDecGMCA, with five sources and one run on each sky, is chaotic ({doc}`27_restarts`): at
+# small errors its points scatter by the difference between runs. At larger errors, except those of the width
+# on the real Galaxy, its residual rises at about the same error as that of BeamSubspace with three sources:
+# five sources do not make it less sensitive to the beam.
 
 # %% tags=["hide-input"]
 galaxies = ("synthetic", "templates")
@@ -139,13 +140,13 @@ plotting.stamp(beam_errors_figure(records[0].rows), records[0].made.footer())
 plotting.stamp(beam_errors_figure(records[-1].rows), records[-1].made.footer())
 
 # %% [markdown]
-# The next table has the error up to which the foreground residual exceeds that with the exact beam by at most
-# 1 % of the power of HI and noise, interpolated between the errors that were tried ("less" if the smallest of
-# them is too large). It has the fewest sources alone. With more, the residual has a narrow maximum where the
-# effect of the error on the foreground is as bright as HI, and the errors that were tried can lie on both sides
-# of it: an additional ripple of $10^{-5}$, where the curves of the ripple have their maximum, is an error of the
-# amplitude of 0.7 %, which is not among those of the amplitude.
-# SDecGMCA is not in the table, as its runs differ by more than that.
+# The next table lists the error up to which the foreground residual exceeds that with the exact beam by at
+# most 1 % of the power of HI and noise, interpolated between the errors that were tried ("less" if the
+# smallest of them is too large). It includes only the smallest number of sources. With more sources, the
+# residual has a narrow maximum at the error whose effect on the foreground is as bright as HI, and the errors
+# that were tried can lie on both sides of it. For example, the curves of the ripple have their maximum at an
+# additional ripple of $10^{-5}$, which corresponds to an error in amplitude of 0.7 %; this amplitude error
+# was not tried. SDecGMCA is not in the table, as its runs differ by more than 1 %.
 
 
 # %% tags=["hide-input"]
@@ -184,9 +185,10 @@ Table(["Galaxy", "method", *kinds], lines, align="llrrrrr")
 # ## A beam with side lobes
 #
 # The beams of MeerKAT measured by holography ({cite:t}`asad2021`, package katbeam) are not Gaussian: they
-# have side lobes, and fall steeply towards $\ell = 2\pi D/\lambda$, beyond which a dish sees nothing (there himap
-# keeps $b_\ell$ at $10^{-4}$ or more, as methods divide by it). The data are seen through these
-# (`beam=meerkat_lobes`), and methods assume, in each channel, a Gaussian of the same FWHM (`meerkat`).
+# have side lobes, and fall steeply towards $\ell = 2\pi D/\lambda$, beyond which a dish has no response
+# (there himap keeps $b_\ell$ at $10^{-4}$ or more, as methods divide by it). The data are observed with these
+# beams (`beam=meerkat_lobes`), while methods assume, in each channel, a Gaussian of the same FWHM
+# (`meerkat`).
 
 # %% tags=["hide-input"]
 shown = case.survey.freqs[[0, -1]]
@@ -273,18 +275,18 @@ quote(
 # At `quick`, in the median over {glue:text}`beams_skies` skies:
 #
 # - **With the sources that suffice for an exact beam, the beam must be known accurately.** For BeamSubspace
-#   with three sources the foreground residual grows by 1 % of the power of HI and noise for an error of the
-#   width of {glue:text}`beams_width` or a ripple of {glue:text}`beams_ripple` of the FWHM (for the Galaxy
-#   where that is less).
-# - **More sources lower the residual at large errors, but hardly the tolerated one**: with four, five and six an
-#   additional ripple still leaves {glue:text}`beams_more` or more, where its effect on the foreground is as
-#   bright as HI. The price is the signal loss of each source, which mocks can correct.
+#   with three sources the foreground residual grows by 1 % of the power of HI and noise for an error of
+#   {glue:text}`beams_width` in the width or a ripple of {glue:text}`beams_ripple` of the FWHM (the smaller
+#   value of the two Galaxies).
+# - **More sources lower the residual at large errors, but hardly change the tolerated error**: with four,
+#   five and six an additional ripple still leaves {glue:text}`beams_more` or more if its effect on the
+#   foreground is as bright as HI. The cost is the signal loss of each source, which mocks can correct.
 # - **A Gaussian is not sufficient for a beam with side lobes.** With the exact beam, three sources have a
 #   foreground residual of {glue:text}`beams_lobes_right` (synthetic Galaxy) and
-#   {glue:text}`beams_lobes_right_real` (real), over the power of HI and noise; with Gaussians of the right
-#   width, {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. The smallest with more sources is
-#   {glue:text}`beams_best`, and {glue:text}`beams_best_real` with the real Galaxy.
-# - **Where the beam is less well known**, PCA with enough components is no worse, and simpler.
+#   {glue:text}`beams_lobes_right_real` (real), relative to the power of HI and noise; with Gaussians of the
+#   correct width, {glue:text}`beams_lobes` and {glue:text}`beams_lobes_real`. The best results with more
+#   sources are {glue:text}`beams_best`, and {glue:text}`beams_best_real` with the real Galaxy.
+# - **If the beam is less well known**, PCA with enough components is no worse, and simpler.
 #
 # For your cube, without the truth:
 #
@@ -300,7 +302,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# 1 % of a power is a tenth of an amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that well;
+# 1 % in power is a tenth in amplitude, $0.01$ mK of $10^4$ mK: $10^{-6}$. No beam is known that accurately,
 # but an error that is smooth in frequency acts like one more spectrum.
 #
 # </details>

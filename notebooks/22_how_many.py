@@ -26,8 +26,8 @@
 #
 # Blind methods need the number of sources. The paper chooses it with the truth ({doc}`11_ns_scan`) and
 # concludes that it should come from the data. This chapter measures how often criteria without the truth give
-# the *right* number, for which the worst band of $C_\ell/C_{\ell,0}$ ($10 \leq \ell < 100$) and $P/P_0$
-# ($k_\nu > 0.03$) is nearest to 1.
+# the *right* number, defined as the one for which the worst band of $C_\ell/C_{\ell,0}$
+# ($10 \leq \ell < 100$) and $P/P_0$ ($k_\nu > 0.03$) is closest to 1.
 #
 # | criterion | recommends |
 # |---|---|
@@ -38,7 +38,7 @@
 # | mocks | the same with 3 %, for spectra corrected for signal loss ({doc}`20_transfer_function`), which only foreground changes |
 # | evidence | the maximum Bayesian evidence of probabilistic PCA ({cite:t}`minka2000`), from scikit-learn |
 #
-# `himap suggest` shows BIC, eigenvalues and stability. All counts are of full skies; parts of the sky were not
+# `himap suggest` shows BIC, eigenvalues and stability. All counts are for full skies; partial skies were not
 # tested.
 
 # %% tags=["parameters"]
@@ -141,9 +141,9 @@ for panel in panels:
     panel["xticks"] = range(1, n_sources_max + 1) if panel is not panels[0] else range(2, 21, 2)
 
 # %% [markdown]
-# For each method the panels should agree on one number: where the eigenvalues reach their line, BIC is least,
-# the spectra become stable, and the error, which needs the truth, is least. A beam-aware method needs fewer
-# sources.
+# For each method the panels should agree on one number, at which the eigenvalues reach their line, BIC is
+# smallest, the spectra become stable, and the error, which needs the truth, is smallest. A beam-aware method
+# needs fewer sources.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-how-many-views", "caption": "Criteria by the number of sources: eigenvalues of the channel covariance (at one resolution for a beam-aware method) and the line of HI and noise; BIC, linear below 2 and logarithmic above; change of the spectra with one more source, uncorrected and corrected by mocks (grey lines: 10 % and 3 %); and, with the truth, the deviation from 1 in the worst band."}}
 study.stamped(plotting.lines(panels, legend_above=True), beam=case.beam, n_mocks=n_mocks)
@@ -169,16 +169,16 @@ Table(
 # (how-many-record)=
 # ## Over skies, beams and noise
 #
-# Stored with the book: {glue:text}`many_skies` skies, three beams, the noise of the instrument and ten times
-# that, for the synthetic and the real Galaxy (templates, nside 64).
+# The stored results are for {glue:text}`many_skies` skies, three beams, the noise of the instrument and ten
+# times that noise, and the synthetic and the real Galaxy (templates, nside 64).
 #
 # ```sh
 # himap measure n_sources --preset quick -p n_realisations=3 --jobs 2
 # ```
 #
-# The columns count observations by the recommended number relative to the right one. *Bias* is the median
-# over observations of the deviation from 1 in the worst band, with the recommended number (where it was
-# tried), and *least bias* that with the right one.
+# The columns count observations by the difference between the recommended and the right number. *Bias* is the
+# median over observations of the deviation from 1 in the worst band, with the recommended number (where it
+# was tried), and *least bias* that with the right one.
 
 # %% tags=["hide-input"]
 paths = results or [RESULTS / f"n_sources_quick_{name}.json" for name in ("synthetic", "templates")]
@@ -225,18 +225,18 @@ quote(
 #
 # - **BIC** is right in {glue:text}`many_bic` cases ({glue:text}`many_bic_quiet` with the noise of the
 #   instrument, {glue:text}`many_bic_noisy` with the largest noise), **eigenvalues** in
-#   {glue:text}`many_eigenvalues`. Where the two agree, `himap suggest` gives that number; otherwise, for a
-#   beam-aware method, that of BIC if the spectra are stable after it, and else a range, or none if no number
-#   is stable or BIC still falls at the last one.
-# - **Stability** is right in {glue:text}`many_stability` cases. But every source removes HI, so that the
-#   spectra never stop changing, and which change is tolerable depends on the survey.
+#   {glue:text}`many_eigenvalues`. If the two agree, `himap suggest` gives that number. Otherwise it gives,
+#   for a beam-aware method, that of BIC if the spectra are stable after it, and else a range, or none if no
+#   number is stable or BIC still falls at the last one.
+# - **Stability** is right in {glue:text}`many_stability` cases. But every source removes HI, so the spectra
+#   never stop changing, and the tolerable change depends on the survey.
 # - **Mocks** are right in {glue:text}`many_mocks`, and otherwise recommend more sources: the correction
 #   recovers the HI that a further source removes.
-# - **AIC** ({glue:text}`many_aic`) and **evidence** ({glue:text}`many_minka`) count HI as components: its
-#   channels are correlated, and both assume white noise. GNILC ({cite:t}`olivari2016`) uses AIC on maps that
-#   are whitened by the covariance of HI, which has to be assumed.
-# - The right number depends on the method and the beam: with that of PCA a beam-aware method loses more HI,
-#   and with that of a beam-aware method PCA has foreground residual.
+# - **AIC** ({glue:text}`many_aic`) and **evidence** ({glue:text}`many_minka`) count HI as components, because
+#   its channels are correlated and both assume white noise. GNILC ({cite:t}`olivari2016`) uses AIC on maps
+#   whitened by the covariance of HI, which has to be assumed.
+# - The right number depends on the method and the beam: with the number for PCA a beam-aware method loses
+#   more HI, and with that for a beam-aware method PCA has foreground residual.
 #
 # ```sh
 # himap suggest cube.h5 --method beam_subspace --beam oscillating -o how_many.html
@@ -244,7 +244,7 @@ quote(
 #
 # ## Exercise
 #
-# Try at most six sources. Which criteria still answer for PCA, and what does AIC give?
+# Try at most six sources. Which criteria still give a number for PCA, and what does AIC give?
 #
 # ```sh
 # himap run 22_how_many -p n_sources_max=6

@@ -28,22 +28,24 @@
 # \hat t - t = \underbrace{(f - \mathcal{P} f)}_\text{foreground residual} - \underbrace{\mathcal{P} t}_\text{signal loss} ,
 # ```
 #
-# where $\mathcal P$ is what the method, with the spectra that it estimated, removes from any maps, and
-# $\mathcal P\, t$ is without the peaks that are masked before a separation ({doc}`03_peak_masking`). It
-# compares the paper's SDecGMCA; BeamSubspace, which estimates the mixing matrix without thresholded sources;
-# and **SmoothSpectra**, which has no thresholds in wavelets and none to choose.
+# where $\mathcal P$ is the operator by which the method, with its estimated spectra, selects the part of any
+# maps to remove, and $\mathcal P\, t$ excludes the peaks masked before the separation
+# ({doc}`03_peak_masking`). The chapter compares the paper's SDecGMCA; BeamSubspace, which estimates the
+# mixing matrix without thresholded sources; and **SmoothSpectra**, which has no wavelet thresholds and none
+# to choose.
 #
 # Signal is lost in two ways:
 #
-# 1. $n_s$ spectra, even exact ones, overlap with HI at every $\ell$, and least squares assigns all of the overlap to the foreground.
-# 2. Spectra that are fitted to data with HI adapt to this HI, the more the more of them there are.
-#    Thresholds, weights and iterations affect this part.
+# 1. $n_s$ spectra, even exact ones, overlap with HI at every $\ell$, and least squares assigns all of the
+#    overlap to the foreground.
+# 2. Spectra fitted to data with HI adapt to this HI, increasingly so with their number. Thresholds, weights
+#    and iterations affect this part.
 #
 # SmoothSpectra avoids the second: its spectra, before the beam, are combinations of a few smooth functions,
-# which cannot adapt to HI. It reduces the first: at each $\ell$ it removes only what exceeds HI and noise by
-# more than expected of random matrices of that size ({cite:t}`donoho2018`), with a Wiener filter whose
-# covariance of HI and noise is estimated from the residual. An excess source then removes nothing, and the
-# signal loss follows from that covariance, without mocks.
+# which cannot adapt to HI. It reduces the first: at each $\ell$ it removes only the excess over HI and noise
+# that is larger than expected for random matrices of that size ({cite:t}`donoho2018`). It uses a Wiener
+# filter whose covariance of HI and noise is estimated from the residual. A superfluous source then removes
+# nothing, and the signal loss follows from that covariance, without mocks.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -139,8 +141,9 @@ for band, title in (
         )
 
 # %% [markdown]
-# Left: a flat line means that additional sources cost no signal. Right: a flat line means that the smallest
-# number of sources suffices. SDecGMCA is one run for each number, which may fail ({doc}`27_restarts`).
+# Left: a flat line means that additional sources cause no signal loss. Right: a flat line means that the
+# smallest number of sources suffices. SDecGMCA has one run for each number, which may fail
+# ({doc}`27_restarts`).
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-thresholds-parts", "caption": "Preserved HI and noise (left) and foreground residual (right) over the power of HI and noise, by the number of sources, in a band of multipoles (top) and of wavenumbers (bottom). Values above 10 are not shown. SDecGMCA: one run each."}}
 study.stamped(plotting.lines(panels), beam=case.beam)
@@ -168,9 +171,9 @@ show_table(rows)
 # %% [markdown]
 # ## Signal loss without mocks
 #
-# The filter of SmoothSpectra is linear, and its covariance of HI and noise predicts which share of them it
-# removes (`himap.measures.transfer.expected_mock_power`). The spectra are corrected by that share, without
-# mocks and without the truth.
+# The filter of SmoothSpectra is linear, and its covariance of HI and noise predicts the share of them that it
+# removes (`himap.measures.transfer.expected_mock_power`). The spectra are corrected for that share, without
+# mocks or the truth.
 
 # %% tags=["hide-input"]
 smooth = create("smooth_spectra", n_sources=n_sources[min(1, len(n_sources) - 1)])
@@ -213,7 +216,8 @@ both_figure(study, case.beam, curves)
 # %% [markdown]
 # ## The goal, and the result
 #
-# The goal, set before anything was measured: $C_\ell/C_{\ell,0}$ within 1 % at $5 \leq \ell \leq 200$ and $P/P_0$ within 1 % at $k_\nu > 0.03$, without mocks, for three to six sources.
+# The goal was set before any measurement: $C_\ell/C_{\ell,0}$ within 1 % at $5 \leq \ell \leq 200$ and
+# $P/P_0$ within 1 % at $k_\nu > 0.03$, without mocks, for three to six sources.
 
 # %% tags=["hide-input"]
 GOAL = (
@@ -267,16 +271,17 @@ quote(
 # | {glue:text}`thresholds_paper` | {glue:text}`thresholds_beam` | {glue:text}`thresholds_cube` | {glue:text}`thresholds_corrected` | {glue:text}`thresholds_more` |
 #
 # - **Without correction neither BeamSubspace nor SmoothSpectra meets the goal**: the spectra that the
-#   foreground needs overlap with too much HI. In the single runs of SDecGMCA foreground residual can be
+#   foreground requires overlap with too much HI. In the single runs of SDecGMCA foreground residual can be
 #   larger than the loss; {doc}`27_restarts` has ensembles.
-# - **Additional sources cost SmoothSpectra no signal**: with {glue:text}`thresholds_many` it preserves
-#   {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace
-#   {glue:text}`thresholds_kept_beam`, one run of SDecGMCA {glue:text}`thresholds_kept_paper`, whose foreground
-#   residual can be larger than that. The corrected
-#   spectrum of SmoothSpectra changes by {glue:text}`thresholds_alike` in the worst band between {glue:text}`thresholds_few` and
-#   {glue:text}`thresholds_many` sources.
-# - **Corrected without mocks**, most bands meet the goal, the worst one does not. The correction is sensitive to the power of HI at
-#   the smallest $k_\nu$, which is extrapolated from where foregrounds are negligible.
+# - **Additional sources cause no signal loss in SmoothSpectra**: with {glue:text}`thresholds_many` it
+#   preserves {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$,
+#   BeamSubspace {glue:text}`thresholds_kept_beam`, and one run of SDecGMCA
+#   {glue:text}`thresholds_kept_paper`; the foreground residual of the latter can be larger than that. Between
+#   {glue:text}`thresholds_few` and {glue:text}`thresholds_many` sources the corrected spectrum of
+#   SmoothSpectra changes by {glue:text}`thresholds_alike` in the worst band.
+# - **Corrected without mocks**, most bands meet the goal, but the worst one does not. The correction is
+#   sensitive to the power of HI at the smallest $k_\nu$, which is extrapolated from where foregrounds are
+#   negligible.
 #
 # ```sh
 # himap clean cube.h5 --method smooth_spectra --beam oscillating -p n_sources=5 -o cleaned.h5
@@ -284,13 +289,14 @@ quote(
 #
 # ## Exercise
 #
-# A source has the variance $S$ above HI and noise, which have $N$. Which share of it does a Wiener filter remove if $S \gg N$, if $S = N$, and if $S = 0$?
+# A source has variance $S$ above HI and noise, which have variance $N$. What share of it does a Wiener filter
+# remove if $S \gg N$, if $S = N$, and if $S = 0$?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $S/(S + N)$: nearly all, a half, nothing. Least squares removes all in every case, so that an excess source
-# costs the HI with which it overlaps.
+# $S/(S + N)$: nearly all, a half, nothing. Least squares removes all in every case, so a superfluous source
+# removes the HI with which it overlaps.
 #
 # </details>
 #

@@ -24,18 +24,17 @@
 # ({doc}`12_post_masking`), tests a dimmer plane ({doc}`13_dimmed_galaxy`), and names masks within SDecGMCA as
 # future work.
 #
-# The two fits clean each line of sight by itself, so that a mask changes nothing; PCA takes its components from
-# the pixels that are kept. Beam-aware methods transform maps, and
-# should solve, on the kept pixels $p$,
+# The two fits clean each line of sight separately, so a mask changes nothing. PCA computes its components
+# from the pixels that are kept. Beam-aware methods transform maps, and should solve, on the kept pixels $p$,
 #
 # ```{math}
 # \min_{s} \sum_\nu \sum_{p\ \mathrm{kept}} \Big( x_\nu(p) - \sum_{\ell m} Y_{\ell m}(p)\, H_{\nu\ell}\, (A s)_{\nu \ell m} \Big)^2
 # ```
 #
-# with sources that are free elsewhere. Masked pixels do not enter the sum: filling them with the model $H A s$
-# adds nothing to it. The few bright maps are therefore inpainted smoothly over the mask, and the method works on
-# the full sky; sources within two beam widths of the edge, where the inpainting is uncertain, have low weight in
-# the fit of $A$.
+# with sources that are free elsewhere. Masked pixels do not enter the sum: filling them with the model
+# $H A s$ adds nothing to it. The few bright maps are therefore inpainted smoothly across the mask, and the
+# method works on the full sky. Sources within two beam widths of the edge, where the inpainting is uncertain,
+# have low weight in the fit of $A$.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -87,7 +86,7 @@ names = {one: styles.numbered(one.name, getattr(one, "n_sources", 0)) for one in
 # %% [markdown]
 # ## Without the Galactic plane
 #
-# Four ways are compared on the same pixels, further from the plane than `latitude` plus `margin`: no mask;
+# Four cases are compared on the same pixels, further from the plane than `latitude` plus `margin`: no mask;
 # lines of sight with large errors masked afterwards (with the truth); a sky with a dimmed plane; and the
 # plane masked within the separation (*inside*).
 
@@ -128,9 +127,9 @@ def ratios(results, title):
 panels = [panel for one in removers for panel in ratios({way: found[one, way] for way in WAYS}, names[one])]
 
 # %% [markdown]
-# Where the four curves agree, the mask does not matter. Where *inside* rises above 1, as for the
-# beam-aware method with the fewest sources, there is foreground residual from the edge; where it is nearer to 1
-# from below, less signal is lost.
+# Where the four curves agree, the mask does not matter. Where *inside* rises above 1, as for the beam-aware
+# method with the fewest sources, there is foreground residual from the edge. Where it is closer to 1 from
+# below, the signal loss is smaller.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-plane", "caption": "Power of the residual over that of the truth away from the Galactic plane, for each method (rows) and way: angular (left) and frequency (right) power spectrum. Deviations of more than 40 % are not shown."}}
 study.stamped(plotting.lines(panels), beam=case.beam, latitude=latitude, margin=margin)
@@ -178,9 +177,9 @@ panel = {
 }
 
 # %% [markdown]
-# Near the edge the error of BeamSubspace with the plane masked rises steeply. Further in, with five sources it
-# is below that without a mask; with three it remains above it at all distances. PCA has a smaller error with
-# the plane masked at every distance.
+# Near the edge the error of BeamSubspace with the plane masked rises steeply. Further from the edge, with
+# five sources it is below the error without a mask; with three it remains above it at all distances. PCA has
+# a smaller error with the plane masked at every distance.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-depth", "caption": "Rms error of the cleaned maps by the distance from the edge of the mask, with the plane masked within the separation (dashed) and without a mask (solid). Grey line: margin."}}
 study.stamped(plotting.lines([panel], columns=1, size=(6.4, 4)), beam=case.beam, latitude=latitude)
@@ -198,9 +197,10 @@ survey_of = {
 }
 
 # %% [markdown]
-# For PCA the dashed curve (this tenth alone) is nearer to 1 in $P/P_0$ except at the smallest $k_\nu$, because
-# this survey does not have the plane, which needs components. For BeamSubspace the solid one (full sky) is
-# nearer with three sources at nearly all $k_\nu$, with five at the smallest $k_\nu$ and at the ripple only.
+# For PCA the dashed curve (this tenth alone) is closer to 1 in $P/P_0$ except at the smallest $k_\nu$,
+# because this survey excludes the plane, which requires components. For BeamSubspace the solid curve (full
+# sky) is closer at nearly all $k_\nu$ with three sources, but only at the smallest $k_\nu$ and at the ripple
+# with five.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-masks-survey", "caption": "Power of the residual over that of the truth within a tenth of the sky, for each method (rows), separated on the full sky and on that tenth alone. Deviations of more than 40 % are not shown."}}
 panels = [
@@ -251,16 +251,17 @@ quote(
 # | {glue:text}`masks_first` | {glue:text}`masks_none` | {glue:text}`masks_post` | {glue:text}`masks_dimmed` | {glue:text}`masks_inside` | {glue:text}`masks_survey` |
 # | {glue:text}`masks_last` | {glue:text}`masks_last_none` | {glue:text}`masks_last_post` | {glue:text}`masks_last_dimmed` | {glue:text}`masks_last_inside` | {glue:text}`masks_survey_last` |
 #
-# - **BeamSubspace needs no mask here**: its model describes the plane too. Without a mask, masked
-#   afterwards and with a dimmed plane it is equally accurate. SDecGMCA was not tested. With
-#   three sources masking within the separation adds foreground residual from the edge, at small $k_\nu$ and
-#   at the ripple; with five it lowers the error beyond the margin.
+# - **BeamSubspace needs no mask here**: its model describes the plane too. It is equally accurate without a
+#   mask, masked afterwards and with a dimmed plane. SDecGMCA was not tested. With three sources masking
+#   within the separation adds foreground residual from the edge, at small $k_\nu$ and at the ripple; with
+#   five it lowers the error beyond the margin.
 # - **A mask within the separation helps PCA**, with the five components tried: the plane needs some that the
-#   rest of the sky does not. A mask after it does not help.
-# - **The edge costs a margin**: within about two beam widths of it the error of BeamSubspace rises steeply.
-#   With three sources it exceeds that without a mask at all distances shown.
-# - **All methods can clean a part of the sky.** In the tenth of the sky PCA, which has no edge, has less
-#   foreground residual than BeamSubspace with three sources, although it loses more signal; the table has both.
+#   rest of the sky does not. A mask after the separation does not help.
+# - **The edge requires a margin**: within about two beam widths of it the error of BeamSubspace rises
+#   steeply. With three sources it exceeds that without a mask at all distances shown.
+# - **All methods can clean part of the sky.** In the tenth of the sky PCA, which is not affected by an edge,
+#   has less foreground residual than BeamSubspace with three sources, although it loses more signal; the
+#   table lists both.
 #
 # ```sh
 # himap clean cube.h5 --method pca -p n_sources=5 --mask mask.fits -o cleaned.h5
@@ -268,12 +269,14 @@ quote(
 #
 # ## Exercises
 #
-# **1.** Which share of the sky is beyond $|b| = 10°$ and a margin of $4°$, and from which latitude on does a cap hold a tenth of the sky?
+# **1.** What share of the sky is beyond $|b| = 10°$ and a margin of $4°$, and above what latitude does a cap
+# contain a tenth of the sky?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# $1 - \sin 14° = 0.76$. A cap beyond the latitude $b$ has the share $(1 - \sin b)/2$, so $\sin b = 0.8$ and $b = 53.1°$, the default of `cap`.
+# $1 - \sin 14° = 0.76$. A cap above latitude $b$ covers the share $(1 - \sin b)/2$, so $\sin b = 0.8$ and
+# $b = 53.1°$, the default of `cap`.
 #
 # </details>
 #
@@ -282,7 +285,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The continuation enters a pixel through the beam only, and two widths away a Gaussian has fallen to $\exp(-4 \ln 2 \cdot 2^2) = 2^{-16}$. An error of the fitted spectra enters every pixel.
+# The inpainted part affects a pixel only through the beam, and two widths away a Gaussian has fallen to
+# $\exp(-4 \ln 2 \cdot 2^2) = 2^{-16}$. An error in the fitted spectra affects every pixel.
 #
 # </details>
 #

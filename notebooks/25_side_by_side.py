@@ -23,12 +23,12 @@
 # > - **Read first**: {doc}`../book/glossary` for the words; {doc}`10_results`, {doc}`20_transfer_function` and {doc}`22_how_many` for the reasons.
 # > - **Time and memory**: {cost}`25_side_by_side`.
 #
-# The paper's method, PCA, and the methods that this book adds are compared through the three beams over many
-# skies; the last section recommends one for each kind of data. $C/C_0$ and $P/P_0$ are the power of the
-# residual over that of the truth.
+# This chapter compares the paper's method, PCA, and the methods added in this book, with the three beams and
+# over many skies. The last section recommends a method for each kind of data. $C/C_0$ and $P/P_0$ are the
+# power of the residual over that of the truth.
 #
 # SDecGMCA and the first PCA have the numbers of sources of the paper's Table 1. The second PCA and
-# BeamSubspace have those that `himap suggest` recommends without the truth ({doc}`22_how_many`),
+# BeamSubspace have the numbers that `himap suggest` recommends without the truth ({doc}`22_how_many`).
 # SmoothSpectra has more than it needs ({doc}`23_thresholds`), and GNILC determines its number at each scale
 # ({cite:t}`olivari2016`). SDecGMCA is run once on each sky, in the default reading ({doc}`16_readings`); its
 # scatter includes that of restarts ({doc}`27_restarts`). All methods are compared by their median over skies,
@@ -98,17 +98,16 @@ study = Study(
 first = EXPERIMENT.table([first_sky])
 
 # %% [markdown]
-# Through the oscillating beam PCA with the paper's number has foreground residual (above 1); the others have
-# signal loss (below 1), and so has SDecGMCA where its run does not fail. A run can fail through the evolving beam
-# too. In all figures ratios are linear near 1 and logarithmic beyond,
-# and the grey band is 10 %.
+# With the oscillating beam PCA with the paper's number has foreground residual (above 1). The others have
+# signal loss (below 1), including SDecGMCA if its run does not fail. A run can also fail with the evolving
+# beam. In all figures ratios are linear near 1 and logarithmic beyond, and the grey band is 10 %.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-angular", "caption": "C/C0 of each method, on the first sky, through each beam. Numbers of sources as in the legend, one for each beam where they differ. SDecGMCA: one run in the default reading."}}
 study.stamped(methods_figure({"": first}, "angular"))
 
 # %% [markdown]
-# There is signal loss at the lowest wavenumbers, and through the oscillating beam the ripple near
-# $k_\nu = 0.31$ with too few components.
+# There is signal loss at the lowest wavenumbers and, with the oscillating beam and too few components, the
+# ripple near $k_\nu = 0.31$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-first-frequency", "caption": "P/P0 of each method, on the first sky, through each beam. SDecGMCA: one run in the default reading."}}
 study.stamped(methods_figure({"": first}, "frequency"))
@@ -117,8 +116,8 @@ study.stamped(methods_figure({"": first}, "frequency"))
 # (side-record)=
 # ## Over many skies
 #
-# At the lowest $\ell$ a sky has few modes. What follows is from {glue:text}`side_skies` skies with each
-# Galaxy, stored with the book:
+# At the lowest $\ell$ a sky has few modes. The following results are from {glue:text}`side_skies` skies with
+# each Galaxy, stored with the book:
 #
 # ```sh
 # himap measure methods --preset quick --jobs 2
@@ -167,21 +166,22 @@ records = stored(results, "quick")
 figure_of(records, "angular")
 
 # %% [markdown]
-# Below 1 at the lowest wavenumbers is signal loss; a peak near $k_\nu = 0.31$ is the ripple of the beam.
+# Ratios below 1 at the lowest wavenumbers are signal loss; a peak near $k_\nu = 0.31$ is the ripple of the
+# beam.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-frequency", "caption": "P/P0 of each method: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom). SDecGMCA: one run on each sky."}}
 figure_of(records, "frequency")
 
 # %% [markdown]
-# The signal loss, largest at the lowest $k_\nu$, varies little from sky to sky, so that mocks can measure it
-# ({doc}`20_transfer_function`). The next two figures have the same spectra divided by the transfer function
-# from {glue:text}`side_mocks` mocks: the loss is corrected, the foreground residual (above 1) is not.
+# The signal loss, largest at the lowest $k_\nu$, varies little from sky to sky, so mocks can measure it
+# ({doc}`20_transfer_function`). The next two figures show the same spectra divided by the transfer function
+# from {glue:text}`side_mocks` mocks: the loss is corrected, but the foreground residual (above 1) is not.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-angular", "caption": "C/C0 divided by the transfer function: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "angular", corrected=True)
 
 # %% [markdown]
-# The loss at the lowest wavenumbers is corrected, the peak near $k_\nu = 0.31$ is not.
+# The loss at the lowest wavenumbers is corrected, but the peak near $k_\nu = 0.31$ is not.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-corrected-frequency", "caption": "P/P0 divided by the transfer function: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (top) and real Galaxy (bottom)."}}
 figure_of(records, "frequency", corrected=True)
@@ -189,18 +189,18 @@ figure_of(records, "frequency", corrected=True)
 # %% [markdown]
 # ## In numbers
 #
-# Deviation of the median over skies from 1 in the worst of five bands, three of $10 \leq \ell < 100$ and two of
-# $k_\nu > 0.03$, for the Galaxy where it is larger: negative for signal loss, positive
-# for foreground residual. At single $\ell$ and $k_\nu$, such as the peak at the ripple in the figures, it may
-# be larger.
+# The table lists the deviation of the median over skies from 1 in the worst of five bands, three within
+# $10 \leq \ell < 100$ and two at $k_\nu > 0.03$, for the Galaxy with the larger deviation. It is negative for
+# signal loss and positive for foreground residual. At single $\ell$ and $k_\nu$, such as the peak at the
+# ripple in the figures, it may be larger.
 
 # %% tags=["hide-input"]
 deviations(records)
 
 
 # %% [markdown]
-# A method fails on a sky if its mean $|C/C_0 - 1|$ is more than 10 % at $10 < \ell < 200$. How often it does, of
-# {glue:text}`side_total` skies of both Galaxies:
+# A method fails on a sky if its mean $|C/C_0 - 1|$ is more than 10 % at $10 < \ell < 200$. Number of failures
+# on {glue:text}`side_total` skies with both Galaxies:
 
 
 # %% tags=["hide-input"]
@@ -219,13 +219,13 @@ def failing(records):
 failing(records)
 
 # %% [markdown]
-# GMCA, whose correction takes long, with a transfer function through the oscillating beam:
+# GMCA, whose correction is slow, with a transfer function for the oscillating beam:
 #
 # ```sh
 # himap measure methods --preset quick -p 'beams=["oscillating"]' -p 'methods=[["gmca", 5]]' -p 'corrected=["gmca"]' --jobs 2
 # ```
 #
-# A single run of SDecGMCA is not corrected: with mocks in the data the next run is another draw, whose
+# A single run of SDecGMCA is not corrected: with mocks in the data the next run is a different draw, whose
 # cross power with the mocks can be negative.
 
 # %% tags=["hide-input"]
@@ -241,7 +241,7 @@ deviations(stored(iterated, "iterated"))
 # himap measure methods --preset laptop -p 'beams=["oscillating"]' -p 'methods=[["sdecgmca", 5], ["pca", 5], ["pca", 6], ["beam_subspace", 3], ["smooth_spectra", 4]]' --jobs 2
 # ```
 #
-# Components that suffice at `quick` may not suffice with more pixels and channels, above all at the highest
+# Components that suffice at `quick` may not suffice with more pixels and channels, especially at the highest
 # $\ell$.
 
 # %% tags=["hide-input"]
@@ -252,14 +252,14 @@ quote(side_larger_skies=min(len(one.seeds) for one in finer))
 figure_of(finer, "angular")
 
 # %% [markdown]
-# PCA with six components has a peak at the ripple of the beam that it does not have at `quick`.
+# PCA with six components has a peak at the ripple of the beam that is absent at `quick`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-side-larger-frequency", "caption": "P/P0 of each method at laptop through the oscillating beam: median over skies (lines) and range of two thirds of them (bands); synthetic Galaxy (left) and real Galaxy (right). SDecGMCA: one run on each sky."}}
 figure_of(finer, "frequency")
 
 # %% [markdown]
-# As above, and on how many of {glue:text}`side_larger_total` skies each method fails ({doc}`27_restarts` for
-# SDecGMCA):
+# Deviations as above, and the number of {glue:text}`side_larger_total` skies on which each method fails
+# ({doc}`27_restarts` for SDecGMCA):
 
 # %% tags=["hide-input"]
 deviations(finer)
@@ -333,13 +333,12 @@ quote(
 # (what-to-use)=
 # ## What should I use?
 #
-# From the table at `quick`; through the oscillating beam unless stated. PCA and BeamSubspace have the number of
-# sources of `himap suggest`; SmoothSpectra has one more than BeamSubspace, and GNILC determines its own.
-# *Deviation* is that of the power from the truth in the worst of the five bands; *corrected
-# by mocks* is after division by the transfer function of mocks that are added to the data. `himap clean
-# --mocks` and `himap transfer` put mocks in the place of HI and noise instead; for a full sky without gaps
-# whose beam is known they subtract the foreground residual that they detect, too
-# ({doc}`20_transfer_function`).
+# The numbers are from the table at `quick`, for the oscillating beam unless stated. PCA and BeamSubspace have
+# the number of sources of `himap suggest`; SmoothSpectra has one more than BeamSubspace, and GNILC determines
+# its own. *Deviation* is that of the power from the truth in the worst of the five bands; *corrected by
+# mocks* is after division by the transfer function of mocks that are added to the data. `himap clean --mocks`
+# and `himap transfer` instead replace HI and noise by mocks; for a full sky without gaps and with a known
+# beam they also subtract the foreground residual that they detect ({doc}`20_transfer_function`).
 #
 # | data | method | deviation | corrected by mocks |
 # |---|---|---|---|
@@ -352,23 +351,23 @@ quote(
 # | a mask, or a part of the sky | the same; where the edge is long, PCA ({doc}`24_masks`) | – | – |
 # | uneven hits, flags or gaps | PCA or a fit ({doc}`26_a_survey`) | – | – |
 #
-# - **SDecGMCA and PCA**: in the median over skies SDecGMCA is far nearer to the truth than PCA with the same
+# - **SDecGMCA and PCA**: in the median over skies SDecGMCA is far closer to the truth than PCA with the same
 #   five components ({glue:text}`side_paper` and {glue:text}`side_few`), also at $0.03 < k_\nu < 0.1$
-#   MHz$^{-1}$, where the paper finds it no better (O5, "at low $k_\nu$", in {doc}`15_claims`). With one component
-#   more PCA comes close ({glue:text}`side_unknown`). Through the evolving beam SDecGMCA is off by
+#   MHz$^{-1}$, where the paper finds it no better (O5, "at low $k_\nu$", in {doc}`15_claims`). With one more
+#   component PCA comes close ({glue:text}`side_unknown`). With the evolving beam SDecGMCA deviates by
 #   {glue:text}`side_paper_evolving`.
-# - **SDecGMCA fails** on {glue:text}`side_failed` of {glue:text}`side_total` skies through the oscillating beam
-#   and on {glue:text}`side_failed_evolving` through the evolving one, where the methods recommended above do not
-#   fail: compare several restarts ({doc}`27_restarts`).
-# - **After correction SmoothSpectra is the nearest** through the oscillating beam, if that is known
-#   ({glue:text}`side_harmless_corrected`; {doc}`20_transfer_function` has the coverage of its error bars).
-# - **Resolution**: at `laptop` six components are too few for PCA, which is off by
+# - **SDecGMCA fails** on {glue:text}`side_failed` of {glue:text}`side_total` skies with the oscillating beam
+#   and on {glue:text}`side_failed_evolving` with the evolving one, for which the methods recommended above do
+#   not fail: compare several restarts ({doc}`27_restarts`).
+# - **After correction SmoothSpectra is the closest** with the oscillating beam, if that is known
+#   ({glue:text}`side_harmless_corrected`; {doc}`20_transfer_function` gives the coverage of its error bars).
+# - **Resolution**: at `laptop` six components are too few for PCA, which deviates by
 #   {glue:text}`side_larger_unknown` after correction; more were not tried there, and each removes more HI.
 # - **The beam**: if its width is wrong by 1 %, BeamSubspace has a foreground residual of
 #   {glue:text}`side_wrong_few` with three sources and {glue:text}`side_wrong_many` with
 #   {glue:text}`side_many` ({doc}`21_beam_errors`). `himap sensitivity` measures this for a cube, without the
 #   truth.
-# - **The number of sources first**: correcting the loss does not remove foreground residual.
+# - **Choose the number of sources first**: correcting the loss does not remove foreground residual.
 #
 # ```sh
 # himap suggest cube.h5 --method beam_subspace --beam oscillating

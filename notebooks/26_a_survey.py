@@ -21,9 +21,10 @@
 # > - **Time and memory**: {cost}`26_a_survey`.
 #
 # A survey observes the middle of a patch longer than its edge, and loses channels and voxels to interference.
-# This chapter simulates one about as large as a field of MeerKLASS, in its band ({cite:t}`cunnington2023`,
-# {cite:t}`meerklass2025`) and through a Gaussian beam of MeerKAT's width, and cleans it by PCA and
-# polynomials: with weights and flags, with flags alone, and with neither. On the command line:
+# This chapter simulates a patch about as large as a field of MeerKLASS, in the same band
+# ({cite:t}`cunnington2023`, {cite:t}`meerklass2025`) and with a Gaussian beam of MeerKAT's width. It is
+# cleaned by PCA and polynomials: with weights and flags, with flags alone, and with neither. On the command
+# line:
 #
 # ```sh
 # himap clean cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --keep-peaks -o cleaned.h5
@@ -35,9 +36,10 @@
 # \min_{m, A, S} \sum_{\nu, p} w_\nu(p) \Big( x_\nu(p) - m_\nu - \sum_j A_{\nu j} S_j(p) \Big)^2 .
 # ```
 #
-# If only pixels have weights this is one eigenproblem; if voxels are missing, the model fills them
-# iteratively until the residual converges ({cite:t}`tipping1999`, {cite:t}`bailey2012`). A polynomial is
-# fitted by weighted least squares to the observed voxels of a line of sight. Gaps have no residual.
+# If the weights depend only on the pixel, this is a single eigenproblem. If voxels are missing, they are
+# filled iteratively with the model until the residual converges ({cite:t}`tipping1999`,
+# {cite:t}`bailey2012`). A polynomial is fitted by weighted least squares to the observed voxels of a line of
+# sight. Gaps have no residual.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper
@@ -89,8 +91,8 @@ _ = whole_number("bin_width", bin_width, 1, 2 * nside), whole_number("n_mocks", 
 # ## The survey
 #
 # Dishes scan at one elevation while the sky drifts. Hit counts are highest where many scans overlap, and the
-# noise falls with their square root. A few channels are flagged completely, others in bursts, and some voxels singly
-# (`himap.paper.patch.Patch`). Compare the edge of the patch with its middle.
+# noise falls with their square root. A few channels are flagged completely, others in bursts, and some voxels
+# individually (`himap.paper.patch.Patch`). Compare the edge of the patch with its middle.
 
 # %% tags=["hide-input"]
 hits = field.hits(nside)
@@ -152,7 +154,8 @@ show(
 # %% [markdown]
 # ## The files, and the cube
 #
-# Hits are one HEALPix map for all channels, flags an array of voxels. Maps are NaN where nothing was observed.
+# Hits are a single HEALPix map for all channels; flags are an array of voxels. Maps are NaN where nothing was
+# observed.
 
 # %%
 temporary = tempfile.TemporaryDirectory()  # deleted when this notebook ends
@@ -171,8 +174,8 @@ print(*cube.remarks, sep="\n")
 # %% [markdown]
 # ## Cleaning
 #
-# The truth is HI and noise, and most of its power is that of the noise (see both rms above): a deviation of the
-# residual from the truth is a larger share of the power of HI.
+# The truth is HI and noise, and most of its power is noise (see both rms above). A deviation of the residual
+# from the truth is therefore a larger share of the power of HI.
 #
 # *Weights and flags* uses both; in *flags alone* all observed voxels have the same weight; in *neither* gaps
 # are interpolated linearly in frequency and then treated as observed. Compare the residuals with the truth.
@@ -239,8 +242,8 @@ study.stamped(
 )
 
 # %% [markdown]
-# The errors (residual less truth) on a scale that shows them: with weights or flags HI and noise that the
-# components removed; with neither, foreground residual from the interpolation.
+# The errors (residual minus truth) are shown on a finer scale. With weights or flags they are HI and noise
+# removed by the components; with neither, foreground residual from the interpolation.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-errors", "caption": "The same channel: residual of PCA less the truth, with weights and flags, with flags alone, and with neither, on one colour scale."}}
 study.stamped(
@@ -253,9 +256,9 @@ study.stamped(
 # %% [markdown]
 # ## Spectra
 #
-# Pixels are weighted by their hits, and gaps are 0, in truth and residual alike. In a small patch with few
-# modes more of HI resembles the foreground by chance than on the full sky, most at the largest scales.
-# Compare the three ways in each panel; a ratio above 1 is foreground residual.
+# Pixels are weighted by their hits, and gaps are 0, in both truth and residual. In a small patch with few
+# modes more of HI resembles the foreground by chance than on the full sky, mostly on the largest scales.
+# Compare the three cases in each panel; a ratio above 1 is foreground residual.
 
 # %% tags=["hide-input"]
 power = PatchPower(
@@ -313,7 +316,7 @@ def over_truth(found):
 study.stamped(ratios_figure(over_truth(spectra), "residual / truth"), beam=selected, patch=patch)
 
 # %% [markdown]
-# In the power of the error foreground residual and signal loss do not cancel.
+# Foreground residual and signal loss do not cancel in the power of the error.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-survey-wrong", "caption": "Power of the error (residual less truth) over that of HI and noise, angular (left) and frequency (right), for each method (rows)."}}
 panels = panels_of(over_truth(wrong), "error / truth", lambda ratio: (ratio,))
@@ -323,11 +326,10 @@ study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selecte
 # %% [markdown]
 # ## Corrected by mocks
 #
-# Mocks of HI with other seeds, and noise by hits, are added to the cube, through the same gaps, and cleaned
-# with it. (`himap transfer` puts mocks in the place of its HI and noise instead,
-# {doc}`20_transfer_function`; mocks that it draws have the same noise in every pixel.) Their recovered
-# share divides the power of the residual: signal loss is corrected, so that a curve above 1 is foreground
-# residual.
+# Mocks of HI with other seeds, and noise according to the hits, are added to the cube with the same gaps, and
+# cleaned with it. (`himap transfer` instead replaces its HI and noise by mocks, {doc}`20_transfer_function`;
+# mocks that it draws have the same noise in every pixel.) The power of the residual is divided by their
+# recovered share. This corrects the signal loss, so a curve above 1 is foreground residual.
 
 # %%
 drawn = np.random.default_rng(7)
@@ -354,8 +356,8 @@ corrected = {
 study.stamped(ratios_figure(corrected, "corrected / truth"), beam=selected, patch=patch, n_mocks=n_mocks)
 
 # %% [markdown]
-# Means over multipoles and over ranges of $k_\nu$ (in MHz$^{-1}$) of the residual, corrected and not, and of
-# the error, each over the truth:
+# Means over multipoles and over ranges of $k_\nu$ (in MHz$^{-1}$) of the residual, corrected and uncorrected,
+# and of the error, each over the truth:
 
 
 # %% tags=["hide-input"]
@@ -429,18 +431,18 @@ quote(
 # | flags alone | {glue:text}`survey_flagged_low` | {glue:text}`survey_flagged` | {glue:text}`survey_flagged_corrected` |
 # | neither | {glue:text}`survey_neither_low` | {glue:text}`survey_neither` | {glue:text}`survey_neither_corrected` |
 #
-# - **Flag the gaps**, {glue:text}`survey_missing` of this cube. Interpolation across gaps has errors far above
-#   HI, which a few components cannot describe.
-# - **Weights change little here.** They keep the noise of the edge out of the components, but these then
-#   adapt more closely to fewer pixels: correct the signal loss.
-# - **Signal loss is larger for a small patch** than for the full sky; mocks through the same gaps measure it.
+# - **Flag the gaps**, {glue:text}`survey_missing` of this cube. Interpolation across gaps has errors far
+#   above HI, which a few components cannot describe.
+# - **Weights have little effect here.** They keep the noise of the edge out of the components, but these then
+#   adapt more closely to fewer pixels, so the signal loss should be corrected.
+# - **Signal loss is larger for a small patch** than for the full sky; mocks with the same gaps measure it.
 # - **Fits are less sensitive to gaps**, except at the smallest $k_\nu$ after correction, and insensitive to
-#   weights of pixels, since each line of sight is fitted separately. The residual of the
-#   {glue:text}`survey_fit` has {glue:text}`survey_fit_low` of the power at $k_\nu < 0.3$ MHz$^{-1}$ through this beam.
+#   pixel weights, since each line of sight is fitted separately. The residual of the {glue:text}`survey_fit`
+#   has {glue:text}`survey_fit_low` of the power at $k_\nu < 0.3$ MHz$^{-1}$ with this beam.
 #
-# Mocks of your own, HI and noise by hits as here, correct the loss; give ten or so, each with `--mocks`. On a
-# part of the sky or with gaps they do not measure the foreground residual, and the coverage of the error bars
-# is not known: it was measured for full skies ({doc}`20_transfer_function`).
+# Your own mocks, with HI and noise according to the hits as here, correct the loss; give about ten, each with
+# `--mocks`. On part of the sky or with gaps they do not measure the foreground residual, and the coverage of
+# the error bars is unknown: it was measured for full skies ({doc}`20_transfer_function`).
 #
 # ```sh
 # himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --keep-peaks --mocks mock1.h5 --mocks mock2.h5 -o transfer.html
@@ -448,13 +450,14 @@ quote(
 #
 # ## Exercise
 #
-# Hits fall by a factor of four from the middle of a patch to its edge. By which factors do the noise and the weight change?
+# Hits fall by a factor of four from the middle of a patch to its edge. By what factors do the noise and the
+# weight change?
 #
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The noise is twice as large at the edge, by the root of the hits; its inverse variance, the weight, is a
-# quarter of that in the middle.
+# The noise is twice as large at the edge, as it scales with the inverse square root of the hits. The weight,
+# its inverse variance, is a quarter of that in the middle.
 #
 # </details>
 #
