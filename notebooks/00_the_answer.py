@@ -29,9 +29,9 @@
 # **SDecGMCA, the method of {cite:t}`carloni2021` applied by {cite:t}`gkogkou2025`, is chaotic with the
 # oscillating beam, both in the public code and in himap.** A relative change of its start by $10^{-10}$
 # changes the column space of the mixing matrix within ten iterations (sine of the largest angle, in the
-# median at least {glue:text}`27_restarts.ipynb::restarts_late:s` from then on), and these runs do not reach
-# the paper's stopping rule ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at
-# $10 < \ell < 200$ exceeds 10 %, and may then be off by orders of magnitude. With the oscillating beam
+# median at least {glue:text}`27_restarts.ipynb::restarts_late:s` from then on). These runs do not reach the
+# paper's stopping rule ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 - 1|$ at $10 < \ell < 200$
+# exceeds 10 %, and may then be off by orders of magnitude. With the oscillating beam
 # {glue:text}`15_claims.ipynb::claims_failing:s` runs fail (skies times restarts, the *members* of an
 # ensemble). Runs that do not fail deviate from the truth by a few per cent in that range, and by more at
 # lower $\ell$ and at the smallest $k_\nu$.
@@ -40,8 +40,8 @@
 # frequency. With the paper's numbers of components, and if its run does not fail, SDecGMCA is the most
 # accurate of the paper's six methods with the oscillating beam, and its largest error over the three beams is
 # the smallest of the six. With the degraded beam all methods differ little, except the polynomial fit at the
-# low ends of both spectra. PCA with six components, more than in the paper, does not fail and is comparable
-# to the median of SDecGMCA at `quick`, a quarter of the paper's resolution, where SDecGMCA fails on
+# low ends of both spectra. At `quick`, a quarter of the paper's resolution, PCA with six components (more
+# than in the paper) does not fail and is comparable to the median of SDecGMCA, which fails on
 # {glue:text}`25_side_by_side.ipynb::side_failed:s` of {glue:text}`25_side_by_side.ipynb::side_total:s` skies;
 # at `laptop` PCA needs more than six ({doc}`25_side_by_side`).
 #
@@ -256,12 +256,12 @@ claims_of(2)
 # recover it only if HI is brighter, and narrowly miss the paper's "approximately 10 %" at its size with the
 # box of the figures.** The beam adds spectral modes to the foreground at the highest multipoles. In the
 # median member the worst of these three methods has 95 % of its multipoles within
-# {glue:text}`answer_evolving` of the truth at `laptop`, within {glue:text}`answer_evolving_pictures` at the
-# paper's size with the box of the figures, and within {glue:text}`answer_evolving_large` with the paper's box
-# (one run, in an [earlier default](readings-default) of SDecGMCA). HI is brighter in finer cells, pixels and
-# channels: the decimal logarithm of the rms ratio of foregrounds to HI is {glue:text}`answer_orders`,
-# {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. At `quick` a fifth component
-# removes these modes ({doc}`22_how_many`).
+# {glue:text}`answer_evolving` of the truth at `laptop`. At the paper's size this is
+# {glue:text}`answer_evolving_pictures` with the box of the figures, and {glue:text}`answer_evolving_large`
+# with the paper's box (one run, in an [earlier default](readings-default) of SDecGMCA). HI is brighter in
+# finer cells, pixels and channels: the decimal logarithm of the rms ratio of foregrounds to HI is
+# {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. At
+# `quick` a fifth component removes these modes ({doc}`22_how_many`).
 #
 # GMCA has a larger excess than PCA at the smallest multipoles and at $k_\nu < 0.2$ MHz$^{-1}$, as in the
 # paper. At the intermediate multipoles its mean is below the clear excess that E3 requires, except on the one

@@ -115,8 +115,8 @@ quote(
 # %% [markdown]
 # ## The scan
 #
-# Beyond 8 only 10, 15 and 20 sources are tried. All runs clean the same maps
-# {doc}`with masked peaks <03_peak_masking>`.
+# Beyond 8 only 10, 15 and 20 sources are tried. All runs clean the same maps,
+# {doc}`with their peaks masked <03_peak_masking>`.
 
 # %%
 study.prepare(removers)

@@ -142,7 +142,7 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 #
 # With the dimmed Galaxy PCA, FastICA, GMCA and restarts of SDecGMCA that do not fail are within the grey band
 # at most $\ell$; GMCA has an excess at the lowest $\ell$. PCA, FastICA and GMCA have a peak near
-# $k_\nu = 0.31$ MHz$^{-1}$; SDecGMCA can have it too. The parametric fit exceeds the truth by an order of
+# $k_\nu = 0.31$ MHz$^{-1}$, and SDecGMCA can have it. The parametric fit exceeds the truth by an order of
 # magnitude or more on most scales. The polynomial fit exceeds it by less at most $k_\nu$ and at low $\ell$,
 # and by most near $k_\nu = 0.04$ MHz$^{-1}$, at the ripple and at high $\ell$.
 
@@ -411,8 +411,8 @@ quote(
 #   at the wavenumber of the ripple itself is {glue:text}`dimmed_ripple_sd`.
 # - **The range of multipoles** (G3, G4): the share within 10 % changes from
 #   {glue:text}`dimmed_within_pca_full` to {glue:text}`dimmed_within_pca` for PCA and FastICA, and from
-#   {glue:text}`dimmed_within_sd_full` to {glue:text}`dimmed_within_sd` for SDecGMCA; in the paper it grows
-#   for PCA, FastICA and SDecGMCA alike (Sect. 5.2), especially for SDecGMCA (Sect. 6).
+#   {glue:text}`dimmed_within_sd_full` to {glue:text}`dimmed_within_sd` for SDecGMCA. In the paper it grows
+#   for PCA, FastICA and SDecGMCA (Sect. 5.2), especially for SDecGMCA (Sect. 6).
 #
 # ## Exercise
 #

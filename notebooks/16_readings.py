@@ -254,11 +254,12 @@ plotting.stamp(curves_figure(outcomes), made)
 # The default is a convention, not a result.
 #
 # As many statements can hold in a run that fails as in one that does not, as it can have the excess, the peak
-# and the flagged plane of the paper: the letter with $\epsilon$ beyond $\ell = 200$ has an excess at low
-# $k_\nu$ that exceeds the truth by orders of magnitude. Earlier defaults were selected by performance: the
-# letter with free signs of $\mathbf{A}$, until it failed in a run; `instrument-noise`, which did not fail in
-# six runs; and `code-rounding` continued with its $\epsilon$, which did not fail in eight starts on each of
-# two skies at `laptop` and one at the paper's size. Results that still use one of these say so.
+# and the flagged plane of the paper. For example, the letter with $\epsilon$ beyond $\ell = 200$ has an
+# excess at low $k_\nu$ that exceeds the truth by orders of magnitude. Earlier defaults were selected by
+# performance: the letter with free signs of $\mathbf{A}$, until it failed in a run; `instrument-noise`, which
+# did not fail in six runs; and `code-rounding` continued with its $\epsilon$, which did not fail in eight
+# starts on each of two skies at `laptop` and one at the paper's size. Results that still use one of these say
+# so.
 #
 # More starts can change the order.
 

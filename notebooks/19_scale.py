@@ -150,8 +150,8 @@ Markdown(growth_table(scaling))
 # ({ref}`simulations-resolution`). The CPU time of himap was 0.93 of CRIME's with a box of 512³ cells and 0.85
 # with 1024³: for twice the cells along a side it grew by a factor of 8.4, that of CRIME by a factor of 9.2.
 # Memory is alike. The public code of SDecGMCA's authors took 200 to 215 s on one core for a run at half the
-# paper's size, in the same hour in which himap took 12 to 18 s, on a number of cores that was not noted.
-# These times were measured once and cannot be reproduced from this repository, which contains neither code.
+# paper's size. In the same hour himap took 12 to 18 s, on a number of cores that was not noted. These times
+# were measured once and cannot be reproduced from this repository, which contains neither code.
 
 # %% [markdown]
 # ## Long runs

@@ -25,11 +25,11 @@
 #
 # Every method removes some HI and leaves some foreground. The paper measures their net effect against the
 # truth, which an observation does not have. This chapter estimates both from **mocks**: skies of HI and noise
-# whose truth is known, seen through the same beam. The method is a parametric bootstrap
-# ({cite:t}`efron1979`). A mock $m$ replaces the HI and noise of the data; together with an estimated
-# foreground $\hat f$ it is cleaned like the data, including peak masking. Each member gives a residual
-# $r = \mathrm{clean}(\hat f + m)$, and an estimate $F_m$ of the power of the foreground residual, obtained
-# from the member as $F$ is from the data. Their means give
+# with known truth, seen through the same beam. The method is a parametric bootstrap ({cite:t}`efron1979`). A
+# mock $m$ replaces the HI and noise of the data; together with an estimated foreground $\hat f$ it is cleaned
+# like the data, including peak masking. Each member gives a residual $r = \mathrm{clean}(\hat f + m)$, and an
+# estimate $F_m$ of the power of the foreground residual, obtained from the member as $F$ is from the data.
+# Their means give
 #
 # ```{math}
 # T = \frac{\langle r\, m^* \rangle}{\langle |m|^2 \rangle} , \qquad
@@ -493,7 +493,7 @@ show_table(rows, columns=4)
 
 # %% [markdown]
 # - **The foreground residual is estimated without the truth and subtracted** (in column *foreground*). It is
-#   largest for GMCA; on the few skies at `laptop` it is large for PCA too.
+#   largest for GMCA; on the few skies at `laptop` it is also large for PCA.
 # - **The correction assumes smooth foregrounds, the correct beam and the correct shape of HI.** The power of
 #   the estimated foreground is the excess of the data over the mocks, whose amplitude is scaled to the data
 #   in modes that are not smooth in frequency. It therefore depends only on their shape in $k_\nu$, whereas
@@ -504,7 +504,7 @@ show_table(rows, columns=4)
 #   three sources on the real Galaxy; for BeamSubspace with four sources there it is not enough.
 # - **A source in which HI is as bright as the foreground is not corrected well.** On the real Galaxy the
 #   corrected power of BeamSubspace with four sources is too low at the lowest $k_\nu$ and too high at the
-#   lowest $\ell$, and its error bars are too small; on the synthetic Galaxy no deviation of its means is
+#   lowest $\ell$, and its error bars are too small. On the synthetic Galaxy no deviation of its means is
 #   clear. A possible reason is that the estimated foreground is a Gaussian field, unlike the Galaxy. With
 #   three sources the means at the lowest $\ell$ and $k_\nu$ are off by less than an error bar; at `ci` they
 #   are nevertheless too high at the lowest $k_\nu$ by more than chance explains.
@@ -512,10 +512,10 @@ show_table(rows, columns=4)
 #   is in the unit of the spectrum; the columns `error_1` and so on list the error of each mock, and
 #   `himap.measures.bootstrap.covariance` gives their covariance between bands. It can be inverted for fewer
 #   bands than mocks, and the inverse is biased high ({cite:t}`hartlap2007`).
-# - **Lost modes are replaced by those of the mocks.** Where the transfer function is far from one, HI that is
-#   smoother in frequency than that of the mocks loses more than they predict, and its excess over them in
-#   smooth spectra is subtracted as foreground. The error bars include neither; the systematic error includes
-#   the latter. Use mocks with the correct HI (`--mocks FILE`).
+# - **Lost modes are replaced by those of the mocks.** If the transfer function is far from one, HI that is
+#   smoother in frequency than the mocks loses more than they predict, and its excess over them in smooth
+#   spectra is subtracted as foreground. The error bars include neither; the systematic error includes the
+#   latter. Use mocks with the correct HI (`--mocks FILE`).
 # - **The truth is that of the same sky**, so the error bars contain sample variance and noise only of the
 #   part that is lost, or subtracted with the foreground. The commands below list the total separately.
 #

@@ -34,7 +34,7 @@
 # | error | $e(\nu)$ |
 # |---|---|
 # | width | the same in all channels |
-# | ripple | $a \sin(2\pi\nu / 20\,\mathrm{MHz})$ is added, in phase with the beam's own: an error of the amplitude, too, in units of the FWHM |
+# | ripple | $a \sin(2\pi\nu / 20\,\mathrm{MHz})$ is added, in phase with the ripple of the beam: also an error in amplitude, in units of the FWHM |
 # | amplitude, phase, period | that of the beam's ripple, which is 0.14 % of the FWHM ({doc}`02_beams_and_noise`), is wrong |
 #
 # Two effects are measured separately. The **recovered** share of the HI is the part of the residual that is
@@ -275,9 +275,9 @@ quote(
 # At `quick`, in the median over {glue:text}`beams_skies` skies:
 #
 # - **With the sources that suffice for an exact beam, the beam must be known accurately.** For BeamSubspace
-#   with three sources the foreground residual grows by 1 % of the power of HI and noise for an error of
-#   {glue:text}`beams_width` in the width or a ripple of {glue:text}`beams_ripple` of the FWHM (the smaller
-#   value of the two Galaxies).
+#   with three sources, an error of {glue:text}`beams_width` in the width or a ripple of
+#   {glue:text}`beams_ripple` of the FWHM increases the foreground residual by 1 % of the power of HI and
+#   noise (the smaller value of the two Galaxies).
 # - **More sources lower the residual at large errors, but hardly change the tolerated error**: with four,
 #   five and six an additional ripple still leaves {glue:text}`beams_more` or more if its effect on the
 #   foreground is as bright as HI. The cost is the signal loss of each source, which mocks can correct.

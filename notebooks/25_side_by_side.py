@@ -352,7 +352,7 @@ quote(
 # | uneven hits, flags or gaps | PCA or a fit ({doc}`26_a_survey`) | – | – |
 #
 # - **SDecGMCA and PCA**: in the median over skies SDecGMCA is far closer to the truth than PCA with the same
-#   five components ({glue:text}`side_paper` and {glue:text}`side_few`), also at $0.03 < k_\nu < 0.1$
+#   five components ({glue:text}`side_paper` and {glue:text}`side_few`). This includes $0.03 < k_\nu < 0.1$
 #   MHz$^{-1}$, where the paper finds it no better (O5, "at low $k_\nu$", in {doc}`15_claims`). With one more
 #   component PCA comes close ({glue:text}`side_unknown`). With the evolving beam SDecGMCA deviates by
 #   {glue:text}`side_paper_evolving`.

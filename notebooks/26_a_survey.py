@@ -328,7 +328,7 @@ study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selecte
 #
 # Mocks of HI with other seeds, and noise according to the hits, are added to the cube with the same gaps, and
 # cleaned with it. (`himap transfer` instead replaces its HI and noise by mocks, {doc}`20_transfer_function`;
-# mocks that it draws have the same noise in every pixel.) The power of the residual is divided by their
+# mocks that it draws have equal noise in every pixel.) The power of the residual is divided by their
 # recovered share. This corrects the signal loss, so a curve above 1 is foreground residual.
 
 # %%

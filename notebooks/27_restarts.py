@@ -37,7 +37,7 @@
 # **Method.** The public code of C21 was run on the sky of the preset `ci` ($N_\mathrm{side} = 32$, 100
 # channels, $\ell \leq 64$, oscillating beam, five sources, Table 1), unchanged except for a name that newer
 # versions of numpy lack. himap was run in the reading `code`, which has the same steps ({doc}`16_readings`).
-# *Restart* $k$ begins with $\mathbf{A}\,(1 + 10^{-10} g)$, where $g$ is normally distributed; $k = 0$ is the
+# *Restart* $k$ begins with $\mathbf{A}\,(1 + 10^{-10} g)$, with normally distributed $g$; $k = 0$ is the
 # unperturbed start. Most runs are stored with the book.
 
 # %% tags=["parameters"]
@@ -222,8 +222,8 @@ show_table(rows, head="variant")
 # (restarts-distributions)=
 # ## himap and the authors' code
 #
-# The codes {ref}`agree in the first iterations <readings-code>`. Beyond these, codes for a chaotic iteration
-# can only be compared by distributions: here of the residual at $\ell \leq 64$, from at least
+# Beyond the first iterations, {ref}`where they agree <readings-code>`, codes for a chaotic iteration can only
+# be compared by distributions. Here these are for the residual at $\ell \leq 64$, from at least
 # {glue:text}`restarts_n_ours` restarts of himap and {glue:text}`restarts_n_theirs` of the authors' code on
 # each Galaxy.
 #
@@ -353,10 +353,10 @@ Table(["sky", "reading", *map(str, counts)], lines or [[NONE, *[""] * 11]], alig
 # (restarts-flags)=
 # ## Detecting a failure without the truth
 #
-# For restarts of the readings default, `code` and `follow-up` together, the table lists the share of the
-# failed runs that a flag detects and the share of the others that it flags. It also lists the probability
-# that a failed run has the larger value (one half: chance), and how often the restart with the smallest value
-# fails (for the distance from the others: the {term}`medoid`).
+# For restarts of the readings default, `code` and `follow-up` together, the table lists the shares of failed
+# and of other runs that are flagged. It also lists the probability that a failed run has the larger value
+# (one half: chance), and how often the restart with the smallest value fails (for the distance from the
+# others: the {term}`medoid`).
 
 # %% tags=["hide-input"]
 FLAGS = find_experiment("flags")
@@ -423,8 +423,8 @@ show(
 )
 
 # %% [markdown]
-# On another processor, runs of this page differ from the stored ones. For each quantity at least one should
-# be in the widened range of the stored ensemble (false alarms: less than once in ten thousand times).
+# On another processor, runs made here differ from stored ones. For each quantity at least one should be in
+# the widened range of the stored ensemble (false alarms: less than once in ten thousand times).
 
 # %% tags=["hide-input"]
 same_sky = (preset, survey, ripple, n_sources) == ("ci", {}, "bracket", 5) and galaxy in ours
@@ -448,7 +448,7 @@ else:
 # ## Conclusions
 #
 # - SDecGMCA is chaotic both in its authors' code and in himap, and the tests above do not distinguish the
-#   two. Results should be quoted with their scatter over restarts.
+#   two. A result needs its scatter over restarts.
 # - Rounding only triggers the growth; its cause is that $\mathbf{A}$ is fitted to nearly empty sources,
 #   through $K$ and through thresholds from the MAD.
 # - Without the eigenvalue floor of $10^{-9}$ in the last step few runs of `code` fail. The default and the
