@@ -56,9 +56,8 @@
 # {glue:text}`15_claims.ipynb::claims_sd_reproduced:s` are reproduced,
 # {glue:text}`15_claims.ipynb::claims_sd_in_part:s` in part,
 # {glue:text}`15_claims.ipynb::claims_sd_undecided:s` are undecided (they hold in some runs, and in others
-# fail or cannot be tested, for lack of a peak to lower, say) and
-# {glue:text}`15_claims.ipynb::claims_sd_failed:s` are not. Of the
-# {glue:text}`15_claims.ipynb::claims_others:s` other claims the same counts are
+# fail or have nothing to test, such as a peak to lower) and {glue:text}`15_claims.ipynb::claims_sd_failed:s`
+# are not. Of the {glue:text}`15_claims.ipynb::claims_others:s` other claims the same counts are
 # {glue:text}`15_claims.ipynb::claims_others_reproduced:s`,
 # {glue:text}`15_claims.ipynb::claims_others_in_part:s`,
 # {glue:text}`15_claims.ipynb::claims_others_undecided:s` and
@@ -223,8 +222,8 @@ panels[0]["ylabel"] = styles.AXES["angular"]["ratio_label"]
 plotting.stamp(plotting.ratios(panels), f"{made.preset} · {made.galaxy} Galaxy · seed {made.seed}")
 
 # %% [markdown]
-# In the frequency power spectra PCA, FastICA, GMCA and both fits have a peak at $k_\nu = 0.3$ MHz$^{-1}$ with
-# the oscillating beam, and so do some runs of SDecGMCA.
+# With the oscillating beam the frequency power spectra of PCA, FastICA, GMCA, both fits and some runs of
+# SDecGMCA have a peak at $k_\nu = 0.3$ MHz$^{-1}$.
 
 # %% tags=["remove-input"]
 Markdown(picture(large, "fig-results-frequency", folder))
@@ -253,19 +252,19 @@ claims_of(2)
 
 # %% [markdown]
 # **The parametric fit fails, as in the paper, and SDecGMCA recovers $C_\ell$ in most members. PCA and FastICA
-# recover it only if HI is brighter, and narrowly miss the paper's "approximately 10 %" at its size with the
-# box of the figures.** The beam adds spectral modes to the foreground at the highest multipoles. In the
-# median member the worst of these three methods has 95 % of its multipoles within
-# {glue:text}`answer_evolving` of the truth at `laptop`. At the paper's size this is
-# {glue:text}`answer_evolving_pictures` with the box of the figures, and {glue:text}`answer_evolving_large`
-# with the paper's box (one run, in an [earlier default](readings-default) of SDecGMCA). HI is brighter in
-# finer cells, pixels and channels: the decimal logarithm of the rms ratio of foregrounds to HI is
-# {glue:text}`answer_orders`, {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. At
-# `quick` a fifth component removes these modes ({doc}`22_how_many`).
+# do so if HI is brighter, and narrowly miss the paper's "approximately 10 %" at its size with the box of the
+# figures.** The beam adds spectral modes to the foreground at the highest multipoles. In the median member
+# the worst of these three methods has 95 % of its multipoles within {glue:text}`answer_evolving` of the truth
+# at `laptop`. At the paper's size this is {glue:text}`answer_evolving_pictures` with the box of the figures,
+# and {glue:text}`answer_evolving_large` with the paper's box (one run, in an [earlier
+# default](readings-default) of SDecGMCA). HI is brighter in finer cells, pixels and channels: the decimal
+# logarithm of the rms ratio of foregrounds to HI is {glue:text}`answer_orders`,
+# {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. At `quick` a fifth component
+# removes these modes ({doc}`22_how_many`).
 #
 # GMCA has a larger excess than PCA at the smallest multipoles and at $k_\nu < 0.2$ MHz$^{-1}$, as in the
-# paper. At the intermediate multipoles its mean is below the clear excess that E3 requires, except on the one
-# sky where HI is smoothed ({doc}`18_paper_size`); at the paper's size the excess ends near $\ell = 20$.
+# paper. At intermediate multipoles its mean is below the clear excess that E3 requires, except on the one sky
+# with smoothed HI ({doc}`18_paper_size`); at the paper's size the excess ends near $\ell = 20$.
 #
 # ## 3. The oscillating beam
 
@@ -273,10 +272,10 @@ claims_of(2)
 claims_of(3)
 
 # %% [markdown]
-# **With the paper's numbers of components, SDecGMCA is the most accurate of the six methods with this beam if
-# its run does not fail.** It is within {glue:text}`answer_oscillating` of the truth at 95 % of the multipoles
-# $10 < \ell < 200$ (median of all members; the paper: 5 %). At the paper's size, on one sky, it is within 5 %
-# in {glue:text}`answer_large_held` of the ledger's {glue:text}`answer_large_restarts` restarts and in
+# **With the paper's numbers of components, SDecGMCA is the most accurate of the six with this beam if its run
+# does not fail.** It is within {glue:text}`answer_oscillating` at 95 % of $10 < \ell < 200$ (median of all
+# members; the paper: 5 %). At the paper's size, on one sky, it is within 5 % in
+# {glue:text}`answer_large_held` of the ledger's {glue:text}`answer_large_restarts` restarts and in
 # {glue:text}`answer_figures_held` of the {glue:text}`answer_figures_restarts` of the first figure, of which
 # {glue:text}`answer_figures_again` are the same runs as in the ledger. Of the
 # {glue:text}`answer_all_restarts` different runs {glue:text}`answer_all_failed` fail. For all of them
@@ -285,7 +284,7 @@ claims_of(3)
 # channels. With the mean of the ratios of single channels, or in the middle channel, it does not hold in the
 # one run that was compared ({ref}`other-choices`).
 #
-# PCA, which does not know the beam, needs more components: one more at `quick` and more than one at `laptop`
+# PCA, which does not use the beam, needs more components: one more at `quick` and more than one at `laptop`
 # ({doc}`25_side_by_side`). On the synthetic Galaxy of {doc}`10_results` its mean $C/C_0$ at $10 < \ell < 128$
 # with one more component is {glue:text}`10_results.ipynb::results_oscillating_more_fine:s`; that of SDecGMCA
 # is {glue:text}`10_results.ipynb::results_oscillating_sd_fine:s` (median and 16 to 84 % of its restarts, of
@@ -295,7 +294,7 @@ claims_of(3)
 # {glue:text}`answer_excess` its excess at low $k_\nu$; at the paper's size {glue:text}`answer_large_peak` and
 # {glue:text}`answer_large_excess` of the restarts do. SDecGMCA suppresses the peak, as the conclusion states:
 # its $P/P_0$ there is the lowest in {glue:text}`answer_lowest` of the members. O4 also requires a peak, which
-# most members lack. Beyond $\ell = 200$ O6 is judged with the regularised inversion, not with the default's
+# most members lack. Beyond $\ell = 200$ O6 is judged with the regularised inversion, not the default's
 # projection. {doc}`27_restarts` gives the probability of failure, {doc}`16_readings` the dependence on the
 # reading.
 #
@@ -313,10 +312,10 @@ Markdown(picture(large, "fig-ns-scan-mse", folder))
 # %% [markdown]
 # **The result is sensitive to the number of sources, and in {glue:text}`answer_optimum` of the members the
 # relative total error is smallest at 5, 6 or 7** (a main part of N4; with a logarithmic or absolute error in
-# {glue:text}`answer_optimum_logarithmic` and {glue:text}`answer_optimum_absolute`). With too few sources the
-# residual contains foreground. With too many, PCA loses HI, and the foreground residual of SDecGMCA increases
-# again ({doc}`11_ns_scan`). The scan of the ledger ends at 8; in a scan to 20 ({ref}`scan-to-20`) N2 (10 and
-# more are worse) is *{glue:text}`15_claims.ipynb::claims_scan_n2:s`*. {doc}`22_how_many` chooses the number
+# {glue:text}`answer_optimum_logarithmic` and {glue:text}`answer_optimum_absolute`). With too few the residual
+# contains foreground; with too many, PCA loses HI, and the foreground residual of SDecGMCA increases again
+# ({doc}`11_ns_scan`). The scan of the ledger ends at 8; in a scan to 20 ({ref}`scan-to-20`) N2 (10 and more
+# are worse) is *{glue:text}`15_claims.ipynb::claims_scan_n2:s`*. {doc}`22_how_many` chooses the number
 # without the truth.
 #
 # ## 5. Masks

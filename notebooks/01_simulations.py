@@ -170,12 +170,12 @@ Table(head, CRIME, align="l" + 5 * "r")
 # {glue:text}`simulations_crime_low` at $\ell \approx 50$ and to {glue:text}`simulations_crime_high` beyond
 # 100; the brightest voxels differ too. Through a beam of 1.66° ({doc}`02_beams_and_noise`) the power along
 # the line of sight, $P(k_\nu)$ ({eq}`eq-frequency-power`), agrees to 6 % above 1300 MHz. CRIME also has half
-# the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower velocities, because it computes
-# them as differences of neighbouring cells; neither applies to himap.
+# the power on the planes where $k_x$ is 0 or the Nyquist frequency, and lower velocities, computed as
+# differences of neighbouring cells; himap has neither.
 #
 # CRIME's option `r_smooth` multiplies the modes of the matter by $e^{-k^2 r^2/2}$, which affects density and
 # velocities. Its sample file sets 2 Mpc/h, its script with the paper's cosmology none. The paper does not
-# mention the option, and the default of himap is 0. In a smaller box with cells of
+# mention it, and the default of himap is 0. In a smaller box with cells of
 # {glue:text}`simulations_near_cell`, at {glue:text}`simulations_near` and through the degraded beam, 2 Mpc/h
 # reduces the share of voxels beyond $5\,\sigma$ of their line of sight ({doc}`03_peak_masking`) from
 # {glue:text}`simulations_flagged` to {glue:text}`simulations_flagged_smooth`, and the brightest voxel from
@@ -275,9 +275,9 @@ Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", not
 # %% [markdown]
 # The mean temperature and the share of voxels beyond $5\,\sigma$ depend little on the cell size. The
 # brightest voxel and all spectra do. A channel is about as thick as a cell of 1024³, so its $C_\ell$ has
-# power from modes along the line of sight that a coarser box lacks, at every $\ell$ and most in the nearest
-# channels. The claims are judged on ratios to the truth of the same box; {doc}`18_paper_size` judges them
-# with the paper's box.
+# power from line-of-sight modes that a coarser box lacks, at every $\ell$ and most in the nearest channels.
+# The claims are judged on ratios to the truth of the same box; {doc}`18_paper_size` judges them with the
+# paper's box.
 
 # %% [markdown]
 # ## The foregrounds
@@ -457,9 +457,9 @@ stamped(plotting.lines(panels))
 # %% [markdown]
 # ## All components
 #
-# In the middle of the band the foregrounds exceed the mean of HI by a factor of
-# {glue:text}`simulations_over_hi_away` on the line of sight away from the plane and
-# {glue:text}`simulations_over_hi_plane` in the plane. They are smooth in frequency; HI is not.
+# In the middle of the band the foregrounds are {glue:text}`simulations_over_hi_away` times the mean of HI on
+# the line of sight away from the plane and {glue:text}`simulations_over_hi_plane` times in the plane. They
+# are smooth in frequency; HI is not.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-lines-of-sight", "caption": "Brightness temperature of each component along a line of sight in the Galactic plane (left) and away from it (right), on a logarithmic axis."}}
 component_styles = {

@@ -258,8 +258,8 @@ quote(
 # %% [markdown]
 # ## The effect on a cleaning
 #
-# PCA with the paper's numbers of components is applied with and without masking (order 6 and $5\,\sigma$, as
-# in all chapters). Without masking, power is lost, mostly in $P$ at the smallest $k_\nu$.
+# PCA with the paper's numbers of components is applied with and without masking (as always, order 6 and
+# $5\,\sigma$). Without masking, power is lost, mostly in $P$ at the smallest $k_\nu$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the angular (left) and frequency (right) power spectrum of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams)."}}
 pcas = {name: PCA(n_sources=table_1(one)["n_sources"]) for name, one in beams.items()}
@@ -344,12 +344,12 @@ quote(
 #   calls it essential for all methods, and reports that it mitigates a bias of $P$ on all scales. The one run
 #   of SDecGMCA here with the paper's box has such a bias without it ({doc}`18_paper_size`).
 # - With the oscillating beam the foreground residual dominates, and masking does not reduce it.
-# - If even the true foreground were subtracted from the masked maps, the power would be
+# - If the true foreground were subtracted from the masked maps, the power would be
 #   {glue:text}`peaks_lacking_least` to {glue:text}`peaks_lacking_most` too low, depending on the scale.
 #
 # ## Exercise
 #
-# Are more peaks flagged at $4\,\sigma$, and is more foreground flagged?
+# Are more peaks flagged at $4\,\sigma$, and more foreground?
 #
 # ```sh
 # himap run 03_peak_masking -p n_sigma=4

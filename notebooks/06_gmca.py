@@ -89,7 +89,7 @@ pca = PCA(n_sources=n_sources)
 #
 # Starlets {cite:p}`starck2007` are isotropic wavelets on the sphere: differences between maps smoothed with
 # kernels of doubling width (*detail scales*), and the remaining smooth map. Each scale is a filter in $\ell$;
-# all scales add up to the map.
+# all add up to the map.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-filters", "caption": "Filters of the starlet scales against multipole, fine to coarse from right to left."}}
 dashes = ["-", "--", "-.", ":", (0, (8, 2))]
@@ -103,8 +103,8 @@ labels = {"xlabel": styles.AXES["angular"]["xlabel"], "ylabel": "filter", "xscal
 study.stamped(plotting.lines([{"curves": curves, **labels}], columns=1, size=(6.4, 3.4)), n_scales=n_scales)
 
 # %% [markdown]
-# Coefficients of detail scales are large near compact emission and at the edges of the plane, and nearly zero
-# elsewhere; the smooth scale is not sparse.
+# Detail scales are large near compact emission and at the edges of the plane, and nearly zero elsewhere; the
+# smooth scale is not sparse.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-starlets", "caption": "Starlet scales of the channel in the middle of the band, as observed, fine to coarse. Colours: central 96 % of the pixels."}}
 channel = study.observed(selected).maps[study.survey.n_channels // 2].astype(float)
@@ -114,8 +114,8 @@ study.stamped(plotting.sky_maps(scale_maps, limits=(2, 98)), beam=selected, n_sc
 
 # %% [markdown]
 # The finer the scale, the sparser it is and the earlier its curve rises. The largest thousandth of the
-# coefficients contains {glue:text}`gmca_share_finest` of the sum of squares for the finest scale, and
-# {glue:text}`gmca_share_smooth` for the smooth scale.
+# coefficients has {glue:text}`gmca_share_finest` of the sum of squares for the finest scale, and
+# {glue:text}`gmca_share_smooth` for the smooth one.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-sparsity", "caption": "Fraction of the sum of squares of a scale of this channel in its largest coefficients, against their fraction in number."}}
 counts = np.unique(np.geomspace(1, len(channel), 400).astype(int))
@@ -234,7 +234,7 @@ sources_figure(study, selected, remover)
 # %% [markdown]
 # ## The cleaned maps
 #
-# The difference shows structure near the Galactic centre, which is foreground residual or signal loss.
+# The difference shows structure near the Galactic centre: foreground residual or signal loss.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-gmca-maps", "caption": "A channel in the middle of the band: observed, cleaned by GMCA, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 channel_figure(study, selected, remover)
@@ -357,7 +357,7 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# No: six sources of either method describe the foreground, and the spectra nearly agree. The larger residual
-# of GMCA is due to the missing component.
+# No: six sources of either describe the foreground, and the spectra nearly agree. The larger residual of GMCA
+# is due to the missing component.
 #
 # </details>

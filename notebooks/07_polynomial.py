@@ -112,9 +112,9 @@ study.stamped(plotting.sky_maps(sources, unit="K", limits=(2, 98)), beam=selecte
 # ## Accuracy for a power law
 #
 # The best polynomial of order 6 follows $\nu^{-2.7}$ to {glue:text}`polynomial_parts` parts in 100 000, but
-# HI and noise are {glue:text}`polynomial_contrast` times fainter than a foreground of 10 K, as on a bright
-# line of sight in the Galactic plane. Where the curve is above the dotted line the fit is not accurate
-# enough. Each order reduces the error by a factor between {glue:text}`polynomial_gain_least` and
+# HI and noise are {glue:text}`polynomial_contrast` times fainter than a foreground of 10 K, a bright line of
+# sight in the Galactic plane. Where the curve is above the dotted line the fit is not accurate enough. Each
+# order reduces the error by a factor between {glue:text}`polynomial_gain_least` and
 # {glue:text}`polynomial_gain_most`.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-orders", "caption": "Largest error of the best polynomial to a power law of 10 K at mid-band, against its order. Dotted: the standard deviation of HI plus noise."}}
@@ -186,7 +186,7 @@ for place, latitude in (("Galactic plane, l = 30, b = 0", 0), ("l = 30, b = 60",
 study.stamped(plotting.lines(panels, columns=3, size=(3.6, 3.2)), order=order)
 
 # %% [markdown]
-# In a map, the foreground residual is concentrated in the Galactic plane.
+# In a map, the foreground residual is in the Galactic plane.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-maps", "caption": "A channel in the middle of the band, through the oscillating beam: observed, cleaned by the polynomial, true (HI plus noise), and cleaned minus true. Channel means removed; colours span 1 to 99 % of the pixels, alike for cleaned and true; white: no error."}}
 hardest = beams["oscillating"]  # whatever beam is shown in detail
@@ -217,7 +217,7 @@ show(study.band_numbers(removers))
 #
 # The error of the cleaned maps is the sum of foreground residual, from the coefficients of the foreground
 # beyond the order, and signal loss, from the coefficients of the signal up to it. The total is near its
-# minimum where the two curves cross; with the oscillating beam they do not cross.
+# minimum where the curves cross; with the oscillating beam they do not.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-polynomial-scan", "caption": "Root mean square of the foreground residual for the three beams, and of the signal loss for the oscillating one, over that of the truth, against the order plus one. Channel means removed, no clipping. The degraded and the evolving beam hardly differ."}}
 top = int(0.6 * len(freqs))

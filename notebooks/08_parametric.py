@@ -94,8 +94,8 @@ bounds = {"beta_min": beta_min, "beta_max": beta_max}
 # of sight whose best $\beta$ is a bound is **flagged**.
 #
 # Each curve has one minimum. With the degraded beam the minimum is close to the dotted line in the plane and
-# on it at high latitude: the model fits. With the other two beams it is far above the line in the plane; at
-# high latitude it is close to the line, but at a biased $\beta$.
+# on it at high latitude: the model fits. With the other two it is far above the line in the plane; at high
+# latitude it is close to it, but at a biased $\beta$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-search", "caption": "Rms residual along two lines of sight against the index of the second power law, for the three beams. Dotted: the standard deviation of HI plus noise."}}
 x = freqs / remover.nu0
@@ -152,10 +152,10 @@ study.stamped(plotting.sky_maps(maps, unit=units, limits=(2, 98)), beam=selected
 
 # %% [markdown]
 # $\alpha_1$ shows the Galactic plane, but is biased at high latitudes: its median is
-# {glue:text}`parametric_alpha` with the degraded beam, compared with {glue:text}`parametric_free_free` for
-# the true free-free emission. The two power laws are nearly degenerate over less than an octave, and the sum
-# of synchrotron emission and radio galaxies has a spectral curvature that the free-free term absorbs. Only
-# the *sum*, which is subtracted, is well constrained.
+# {glue:text}`parametric_alpha` with the degraded beam, that of the true free-free emission
+# {glue:text}`parametric_free_free`. The two power laws are nearly degenerate over less than an octave, and
+# the sum of synchrotron emission and radio galaxies has a spectral curvature that the free-free term absorbs.
+# Only the *sum*, which is subtracted, is well constrained.
 #
 # The derivatives with respect to the amplitudes are nearly identical; that with respect to the index changes
 # sign.
@@ -261,8 +261,8 @@ quote(
 # %% [markdown]
 # ## Which lines of sight fail
 #
-# The curve of the degraded beam falls to the left of the dotted line, where the error is below the signal;
-# the other two fall to the right of it.
+# The curve of the degraded beam falls to the left of the dotted line, where the error is below the signal,
+# the other two to the right.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-parametric-sky", "caption": "Share of the sky whose rms error over channels is larger than each value, for the three beams. Channel means removed. Dotted: the standard deviation of HI plus noise."}}
 curves, numbers = [], {}

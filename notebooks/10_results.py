@@ -87,7 +87,7 @@ study.prepare(everything)
 # With the degraded beam the curves coincide except for the polynomial fit at low $\ell$. With the evolving
 # beam the parametric fit deviates by orders of magnitude. With the oscillating beam both fits do, and the
 # component methods differ: apart from restarts of SDecGMCA that fail, GMCA differs most, at low $\ell$. If
-# the band of SDecGMCA includes another curve, the figure does not show which of the two is more accurate.
+# the band of SDecGMCA includes another curve, the figure does not show which is more accurate.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-results-angular", "caption": "Angular power spectrum, averaged over channels, of the maps cleaned by six methods, for the degraded, evolving and oscillating beam, and its ratio to the truth below (the paper's Fig. 1). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`results_reading` ([readings](sdecgmca-reading)); the legend has the failed restarts for each beam. PCA and FastICA coincide. The fits have no number of components."}}
 angular_figure(study, removers, titles=titles)
@@ -180,8 +180,7 @@ quote(
 # %% [markdown]
 # ## Conclusions
 #
-# The paper's statements are listed with the values measured here; {doc}`15_claims` judges them by stated
-# rules.
+# The paper's statements, with the values measured here; {doc}`15_claims` judges them by stated rules.
 #
 # - **Degraded beam.** Paper: all methods recover both spectra and lose power at $k_\nu < 0.03$ MHz$^{-1}$.
 #   Here the polynomial fit deviates most, with a mean $C/C_0$ of {glue:text}`results_degraded_pol_low` at
@@ -192,8 +191,8 @@ quote(
 #   the mean $C/C_0$ is {glue:text}`results_evolving_gmca_low` for GMCA and
 #   {glue:text}`results_evolving_sd_low` for SDecGMCA.
 # - **Oscillating beam.** Paper: both fits fail. All other methods have an excess at low $\ell$ and low
-#   $k_\nu$, and a peak. The peak is lowest for SDecGMCA, which is the most accurate at intermediate $\ell$.
-#   Here the mean $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
+#   $k_\nu$, and a peak, which is lowest for SDecGMCA, the most accurate at intermediate $\ell$. Here the mean
+#   $C/C_0$ of SDecGMCA is {glue:text}`results_oscillating_sd_low` at $\ell < 10$ and
 #   {glue:text}`results_oscillating_sd_fine` above (PCA: {glue:text}`results_oscillating_pca_fine`); its
 #   highest $P/P_0$ at the peak is {glue:text}`results_oscillating_sd_peak` (PCA:
 #   {glue:text}`results_oscillating_pca_peak`). Of the restarts of SDecGMCA
@@ -204,8 +203,8 @@ quote(
 #   {glue:text}`results_oscillating_sd_slow`).
 # - PCA and FastICA have the same cleaned maps ({doc}`05_fastica`).
 #
-# These results are for a single sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels
-# and frequency; {doc}`18_paper_size` has the paper's size.
+# All results are for one sky with a synthetic Galaxy, at a quarter of the paper's resolution in pixels and
+# frequency; {doc}`18_paper_size` has the paper's size.
 #
 # ## Exercise
 #
@@ -218,7 +217,7 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# PCA, FastICA and GMCA: their excess and peak vanish. Restarts of SDecGMCA that do not fail lose more HI to
-# the additional source; {doc}`27_restarts` gives the number of failures.
+# PCA, FastICA and GMCA: excess and peak vanish. Restarts of SDecGMCA that do not fail lose more HI to the
+# additional source; {doc}`27_restarts` gives the number of failures.
 #
 # </details>

@@ -29,9 +29,9 @@
 # \left| \langle \mathrm{MSE} \rangle - \mathrm{MSE_{los}} \right| > \sigma_\mathrm{MSE} ,
 # ```
 #
-# with mean and standard deviation over the sky, and compute both power spectra without them. They find that
-# the flagged lines are along the Galactic plane and that SDecGMCA improves most. The rule needs the truth, so
-# it is a diagnostic.
+# with mean and standard deviation over the sky, and compute both power spectra without them. They find the
+# flagged lines along the Galactic plane, and the largest improvement for SDecGMCA. The rule needs the truth,
+# so it is a diagnostic.
 #
 # This chapter applies it to the maps of {doc}`10_results` with the oscillating beam, separates foreground
 # residual from signal loss on the flagged lines, and tests the spectra of masked maps. Each restart of
@@ -147,10 +147,10 @@ quote(
 )
 
 # %% [markdown]
-# A quarter of the sky is within 15° of the plane. This region contains {glue:text}`post_in_plane` of the
-# flagged lines of sight for SDecGMCA, and at least {glue:text}`post_others_in_plane` for every other method.
-# A share near 25 %, the area fraction, means no correlation with latitude. On the real Galaxy at `laptop`
-# most of the lines that SDecGMCA flags are within 15° of the plane, as in the paper, in
+# A quarter of the sky is within 15° of the plane. It contains {glue:text}`post_in_plane` of the flagged lines
+# of sight for SDecGMCA, and at least {glue:text}`post_others_in_plane` for every other method. A share near
+# 25 %, the area fraction, means no correlation with latitude. On the real Galaxy at `laptop` most of the
+# lines that SDecGMCA flags are within 15° of the plane, as in the paper, in
 # {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members (skies and restarts).
 #
 # If the error depends on frequency in the same way on all flagged lines of the medoid, it is foreground
@@ -205,7 +205,7 @@ quote(
 
 # %% [markdown]
 # The figure shows the medoid. Restarts differ in the number of flags, and in whether these are in the
-# brightest part of the Galactic plane as in the paper; the tables give medians and ranges.
+# brightest part of the Galactic plane as in the paper.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-sky", "caption": "Left: mean squared error along each line of sight, for the run of the previous figure. Right: flagged lines (yellow; the paper's Fig. 5, right). This run flags {glue:text}`post_shown_share` of the sky, rank {glue:text}`post_shown_rank` among the restarts (1: most)."}}
 error_title, flag_title = "MSE along the line of sight", f"flagged: {lines.mean():.1%} of the sky"
@@ -324,10 +324,9 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 # %% [markdown]
 # On their flagged lines the foreground residual is at least {glue:text}`post_left_over_lost` times the signal
 # loss for PCA, FastICA and GMCA, and {glue:text}`post_sd_left_over_lost` times for SDecGMCA. A ratio above 1
-# means that the rule flags *foreground* residual, a ratio well below 1 that it flags lost *bright HI*. For
-# SDecGMCA signal loss is {glue:text}`post_hi_of_error` of the sum of both squares, and
-# {glue:text}`post_top_of_error` of the squared error is in the last tenth of the band (10 % expected if
-# uniform in frequency).
+# means that the rule flags *foreground* residual, one well below 1 lost *bright HI*. For SDecGMCA signal loss
+# is {glue:text}`post_hi_of_error` of the sum of both squares, and {glue:text}`post_top_of_error` of the
+# squared error is in the last tenth of the band (10 % expected if uniform in frequency).
 #
 # ## Spectra without the flagged lines
 #
@@ -463,9 +462,9 @@ quote(
 #
 # ## Accuracy of the masked spectrum
 #
-# The decoupling is tested with the truth. The table lists the ratio of its masked to its full-sky $C_\ell$
-# for three masks: the flagged lines of SDecGMCA (medoid), the same mask rotated by 180° about the axis
-# through the Galactic centre, and a cut at 15° of latitude.
+# The decoupling is tested with the truth. The table lists its $C_\ell$ under a mask over that of the full
+# sky, for the flagged lines of SDecGMCA (medoid), the same mask rotated by 180° about the axis through the
+# Galactic centre, and a cut at 15° of latitude.
 
 
 # %% tags=["hide-input"]
@@ -516,7 +515,7 @@ quote(
 # - **Line of sight** (M2, M3): with the mask the highest $P/P_0$ of SDecGMCA at the peak is
 #   {glue:text}`post_peak_sd` of its value without (a ratio near 1 cannot become smaller), and its error at
 #   low $k_\nu$ {glue:text}`post_low_sd`. For PCA and GMCA the latter is {glue:text}`post_low_pca` and
-#   {glue:text}`post_low_gmca`; the paper reports no notable change for these.
+#   {glue:text}`post_low_gmca`; the paper reports no notable change.
 # - **Sky** (M4): the mean $|C/C_0 - 1|$ decreases from {glue:text}`post_angular_pca` to
 #   {glue:text}`post_angular_pca_after` for PCA and from {glue:text}`post_angular_gmca` to
 #   {glue:text}`post_angular_gmca_after` for GMCA; for SDecGMCA it is {glue:text}`post_angular_sd` before and

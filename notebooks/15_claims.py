@@ -46,8 +46,8 @@
 #
 # Each row explains how the paper's words are translated into numbers (open "reading and numbers"). *Within x
 # %* over a range, *consistently* and similar words refer to 95 % of its multipoles, $k$ or channels, and
-# numbers within 1 % of each other are equal. Most of these readings were fixed after single runs and before
-# any ensemble was measured; [changes, some of them later, are listed](changed-readings).
+# numbers within 1 % of each other count as equal. Most of these readings were fixed after single runs and
+# before any ensemble was measured; [changes, some of them later, are listed](changed-readings).
 
 # %% tags=["parameters"]
 preset: str = "ci"  # ci, quick, laptop or paper
@@ -108,8 +108,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # ## The ledger
 #
 # The stored ledger is for the real Galaxy (templates of nside 64), at half the paper's resolution in pixels
-# and frequency (`laptop`: nside 128, 250 channels; skies: {glue:text}`claims_realisations`). It was measured
-# by
+# and frequency (`laptop`: nside 128, 250 channels; skies: {glue:text}`claims_realisations`), measured by
 #
 # ```sh
 # himap measure claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER -p n_realisations=5 -p n_restarts=4 -p n_sources_max=8
@@ -166,7 +165,7 @@ quote(
 # reading of SDecGMCA) in which all main parts that fail here hold. Other parts may fail there, so such a
 # record need not reproduce every part of the claim. If only parts about other methods fail, these methods
 # come first, and other readings are not listed; if a part about SDecGMCA fails, records with a single run of
-# it are not listed. SD is SDecGMCA, POL and PAR are the two fits.
+# it are omitted. SD is SDecGMCA, POL and PAR are the two fits.
 
 # %% tags=["hide-input"]
 links = {notebook.name: notebook.paper_figures for notebook in notebooks()}
@@ -200,12 +199,12 @@ run = Record.load(EXPERIMENT, RESULTS / "claims_laptop_run.json")
 Markdown(choices_table(run, [Record.load(EXPERIMENT, LEDGER), *changed]))
 
 # %% [markdown]
-# Another run of SDecGMCA is sufficient to change the verdict on several claims about it. For other methods
-# only the average over channels and the taper change verdicts. PCA and FastICA meet E2 in the middle channel,
-# but not in the mean of all channels. In the mean of the ratios, channels whose beam leaves little HI at high
-# $\ell$ count as much as the others; this average changes D1, through the polynomial fit, and V4. With the
-# Hann taper, which mixes neighbouring $k_\nu$, D3 (the loss at low $k_\nu$) holds for no method. In this run
-# of SDecGMCA O3 holds for the ratio of the means but not for the other two averages.
+# Another run of SDecGMCA alone changes the verdict on several claims about it. For other methods only the
+# average over channels and the taper change verdicts. PCA and FastICA meet E2 in the middle channel, but not
+# in the mean of all channels. The mean of the ratios, in which channels whose beam leaves little HI at high
+# $\ell$ count as much as the others, changes D1, through the polynomial fit, and V4. With the Hann taper,
+# which mixes neighbouring $k_\nu$, D3 (the loss at low $k_\nu$) holds for no method. In this run of SDecGMCA
+# O3 holds for the ratio of the means but not for the other two averages.
 #
 # With a single run no claim can be undecided, so its counts cannot be compared with those of an ensemble.
 #
@@ -215,8 +214,8 @@ Markdown(choices_table(run, [Record.load(EXPERIMENT, LEDGER), *changed]))
 # (scan-to-20)=
 # ## The scan to 20 sources
 #
-# The scan of the ledger ends at 8 sources, that of the paper at 20. The table judges N1 to N5 with 2 to 8,
-# 10, 15 and 20 sources, on skies that are not in the ledger:
+# The scan of the ledger ends at 8 sources, that of the paper at 20. N1 to N5 with 2 to 8, 10, 15 and 20
+# sources, on skies that are not in the ledger:
 
 # %% tags=["hide-input"]
 longer = read_ledger(LEDGER.with_name("restarts_laptop_scan.json"))
@@ -227,7 +226,7 @@ Markdown(ledgers_table([(recorded, about), longer], lambda several: several[0].c
 # ## What is not tested
 #
 # Sentences of the paper without a row are explanations, judgements, results of other authors, statements
-# about effects that are not simulated, or parts of claims that are not tested here:
+# about effects that are not simulated, or parts of claims that are not tested:
 #
 # | the paper | not tested because |
 # |---|---|
@@ -272,9 +271,9 @@ Markdown(ledgers_table([(recorded, about), longer], lambda several: several[0].c
 #   which can also mean the mask of SDecGMCA for all methods; for $C_\ell$ its wording suggests this single
 #   mask, which was not tested.
 # - D2, E5: $k_\nu$ are evenly spaced, so few of them are low, and a part that requires 95 % of them can hold
-#   although all low ones deviate; the same is true of D1 at the lowest $\ell$. The polynomial fit deviates by
-#   more than 10 % at both low ends ({doc}`07_polynomial`). The paper's sentence behind E5 is about
-#   $k_\nu < 0.1$, where the ratio of the two beams is lower than the number of the claim.
+#   although all low ones deviate; likewise D1 at the lowest $\ell$. The polynomial fit deviates by more than
+#   10 % at both low ends ({doc}`07_polynomial`). The paper's sentence behind E5 is about $k_\nu < 0.1$, where
+#   the ratio of the two beams is lower than the number of the claim.
 # - E3: the restriction of the excess in $P/P_0$ to $0.1 < k_\nu < 0.2$ is inferred from "below"; in the
 #   paper's conclusions GMCA degrades there.
 # - O6 is judged with the regularised inversion beyond $\ell = 200$ in every reading, or with a projection if
@@ -310,19 +309,19 @@ Markdown(ledgers_table([(recorded, about), longer], lambda several: several[0].c
 # Before that date B1 required a ratio of errors above 1, then above 1.001 (after a ledger had been recorded),
 # then 1, and now 1.01, and did not apply if no voxel is masked (now *not reproduced*). G4 had been reproduced
 # without a gain, and now requires a gain above 0. Both changed after a trial at nside 32. O8 requires that
-# more than a fifth of the masked voxels are ripple, which was decided before its number was known. It was
-# first judged with the $\sigma$ of the line of sight alone. After those numbers were known, the $\sigma$ of
-# the channel and that of the cube were added. At first each main part used the $\sigma$ with which it holds
-# best; now all use the one with which most of them hold, which changes no verdict. V4 used the noise of the
-# maps, with which the verdict at `laptop` was *not reproduced*; now $C_\ell$ of the noise are those of the
-# paper's size, as the noise of a pixel does not depend on its size. The default reading of SDecGMCA was
-# changed more than once, finally to the one that its rule selects ({ref}`readings-default`).
+# more than a fifth of the masked voxels are ripple, decided before its number was known. It was first judged
+# with the $\sigma$ of the line of sight alone. After those numbers were known, those of the channel and of
+# the cube were added. At first each main part used the $\sigma$ with which it holds best; now all use the one
+# with which most of them hold, which changes no verdict. V4 used the noise of the maps, with which the
+# verdict at `laptop` was *not reproduced*; now $C_\ell$ of the noise are those of the paper's size, as the
+# noise of a pixel does not depend on its size. The default reading of SDecGMCA was changed more than once,
+# finally to the one that its rule selects ({ref}`readings-default`).
 
 # %% [markdown]
 # ## Verdicts for other parameters
 #
-# All claims are judged for the parameters of this chapter, by default a single run on a synthetic sky at `ci`
-# (nside 32), which is too coarse for the ledger. Verdicts on SDecGMCA (†) differ between runs.
+# All claims for the parameters of this chapter, by default a single run on a synthetic sky at `ci` (nside
+# 32), which is too coarse for the ledger. Verdicts on SDecGMCA (†) differ between runs.
 
 # %%
 about_sd = {entry.claim.id for entry in recorded if entry.about_sd}

@@ -28,12 +28,12 @@
 # {doc}`15_claims` is judged under {glue:text}`readings_count` readings: those with a name, and the default
 # with a single choice changed.
 #
-# - **default**: selected by a [rule](readings-default). Of the readings under which, within the scatter, most
-#   of the paper's statements hold, it is the one closest to the text: the letter, continued beyond
-#   $\ell = 200$ by least squares without $\epsilon$.
+# - **default**: by a [rule](readings-default), the one closest to the text of the readings under which,
+#   within the scatter, most of the paper's statements hold. It is the letter, continued beyond $\ell = 200$
+#   by least squares without $\epsilon$.
 # - **letter**: contradicts no statement of the text up to $\ell = 200$, except for three points that all
 #   readings share ([conventions](../book/conventions.md)), with usual choices if the text is silent. It ends
-#   at $\ell = 200$, so it lacks the spurious peak beyond that the paper mentions (Sect. 4.2).
+#   there, so it lacks the spurious peak beyond that the paper mentions (Sect. 4.2).
 # - **code**: the steps of the public code of {cite:t}`carloni2021` with the paper's Table 1, the beam as in
 #   its example, and no thresholds in the last $\mathbf{S}$.
 # - **code-rounding**: the same with the eigenvalues of the last $\mathbf{S}$ floored at rounding, instead of
@@ -231,15 +231,15 @@ plotting.stamp(curves_figure(outcomes), made)
 # starts and skies. *First* is the share of resamples of the skies, drawn with replacement, in which a
 # candidate has the highest mean. It depends on which candidates are listed, and is not a probability.
 #
-# **Result.** With {glue:text}`readings_starts` on each sky, the candidate that scores highest on the skies of
-# the selection is {glue:text}`readings_selected`. On the other skies it is number {glue:text}`readings_place`
-# of {glue:text}`readings_candidates`, and {glue:text}`readings_confirmed` is first. Over all skies means
-# range from {glue:text}`readings_least` to {glue:text}`readings_most`, that of
+# **Result.** With {glue:text}`readings_starts` on each sky, the highest score on the skies of the selection
+# is that of {glue:text}`readings_selected`. On the other skies this candidate is number
+# {glue:text}`readings_place` of {glue:text}`readings_candidates`, and {glue:text}`readings_confirmed` is
+# first. Over all skies means range from {glue:text}`readings_least` to {glue:text}`readings_most`, that of
 # {glue:text}`readings_most_charitable`, which is first in {glue:text}`readings_first` % of the resamples. It
 # is ahead of the next, {glue:text}`readings_next`, by {glue:text}`readings_ahead` with a standard error of
 # {glue:text}`readings_ahead_error` (same skies and starts), and ahead of the letter by
-# {glue:text}`readings_letter` with a standard error of {glue:text}`readings_letter_error`. It was selected as
-# the first, which exaggerates both differences. {glue:text}`readings_scatter`.
+# {glue:text}`readings_letter` with one of {glue:text}`readings_letter_error`. It was selected as the first,
+# which exaggerates both. {glue:text}`readings_scatter`.
 #
 # {glue:text}`readings_tied` candidates are not further from the first than the standard error of their
 # difference. Of these {glue:text}`readings_tie` has the fewest departures from the text (of several with as
@@ -248,8 +248,8 @@ plotting.stamp(curves_figure(outcomes), made)
 # selection differ, all skies decide, and no independent skies remain to test that choice. The paper's mention
 # of a spurious peak beyond $\ell = 200$ (Sect. 4.2) is not counted as a statement on how to continue there.
 #
-# The selection depends on O6, which is judged with the regularised inversion in every candidate, not with the
-# inversion of the candidate. Without O6 the highest mean is {glue:text}`readings_without_most`, that of
+# The selection depends on O6, which is judged with the regularised inversion in every candidate, not with its
+# own. Without O6 the highest mean is {glue:text}`readings_without_most`, that of
 # {glue:text}`readings_without_first`, and the mean of the default is {glue:text}`readings_without_default`.
 # The default is a convention, not a result.
 #
@@ -339,8 +339,8 @@ quote(
 # (readings-shares)=
 # ### Which claims hold at that size
 #
-# The table gives the share of members in which the main parts of a claim hold (mean over parts and skies, per
-# cent), for the default and the named readings. Claims on other methods alone are the same for all.
+# The share of members in which the main parts of a claim hold (mean over parts and skies, per cent), for the
+# default and the named readings. Claims on other methods alone are the same for all.
 
 # %% tags=["hide-input"]
 at_that_size = outcomes_of(rows)
@@ -388,7 +388,7 @@ quote(
 # ## Effect of each choice
 #
 # The table lists the paper's words for each choice and the readings that include it. For a choice that
-# differs from the default it also gives how often the default fails with it, and which claims then change. A
+# differs from the default it also gives how often the default fails with it, and which claims change. A
 # reading is set by `himap measure claims -p reading=code`, a single choice by `SDecGMCA(sign="free")` or
 # `himap clean --method sdecgmca -p sign=free`. Choices that do not concern SDecGMCA, such as the smoothing of
 # HI, are in {doc}`../book/conventions`.
@@ -435,8 +435,9 @@ quote(readings_growth=(np.exp(np.mean(np.log(growth))), 3))
 #
 # - Claims about other methods do not depend on the reading; for those about SDecGMCA, the first table lists
 #   the choices that may decide, with few runs of each.
-# - The options that decide whether a claim holds (names as in the code) are {glue:text}`readings_stated`,
-#   which the paper's text covers, and {glue:text}`readings_open`, which it does not mention or leaves open.
+# - Options that decide whether a claim holds (names as in the code): those that the paper's text covers are
+#   {glue:text}`readings_stated`; those that it does not mention or leaves open are
+#   {glue:text}`readings_open`.
 #
 # ## Exercise
 #

@@ -27,9 +27,8 @@
 #
 # Most chapters use the preset `quick`, and the ledger is measured at `laptop`. This page shows the claims and
 # the figures at the paper's size, `nside` 256 and 500 channels of 1 MHz. The largest difference in the
-# foreground is the real Galaxy: here it is made of templates of nside 64 with small scales drawn at random,
-# whereas those of PySM, which the paper uses, have nside 512. {doc}`../book/conventions` lists the other
-# differences.
+# foreground is that the templates of the real Galaxy have nside 64, with small scales drawn at random, and
+# those of PySM, which the paper uses, nside 512. {doc}`../book/conventions` lists the others.
 #
 # One ledger has several restarts of SDecGMCA and, like the figures, an HI box of 1024³ cells, which are
 # {glue:text}`paper_size_cell` wide; a pixel at the far end is {glue:text}`paper_size_pixel` wide. The other
@@ -68,11 +67,11 @@ others = other_records(ledgers[0][1], folder)
 # (ledgers)=
 # ## The claims
 #
-# The table compares the real Galaxy at half the paper's size (`laptop`) and at the paper's size, with four
-# times the pixels and twice the channels. The second column has {glue:text}`paper_size_restarts` restarts,
-# only Table 1's number of sources (N1 to N5 do not apply), and an HI box of 1024³ cells instead of 2048³.
-# Galaxy and noise are the same, and HI has the same Fourier modes if both boxes contain them. The third is
-# one run of a chaotic method in the earlier reading, so its parts on SDecGMCA may also differ by chance
+# The table is for the real Galaxy at half the paper's size (`laptop`), and at the paper's with four times the
+# pixels and twice the channels. The second column has {glue:text}`paper_size_restarts` restarts, only Table
+# 1's number of sources (N1 to N5 do not apply), and an HI box of 1024³ cells instead of 2048³. Galaxy and
+# noise are the same, and HI has the same Fourier modes if both boxes contain them. The third is one run of a
+# chaotic method in the earlier reading, so its parts on SDecGMCA may also differ by chance
 # ({doc}`27_restarts`); its verdicts are not counted. {doc}`15_claims` explains verdicts and signs. Main parts
 # that hold in less than 84 % of the members are listed with that share; the last column lists the methods
 # that fail and the records in which all those parts hold. F1 is reproduced at `laptop` but not with the
@@ -87,17 +86,16 @@ Markdown("\n\n".join([verdicts_table(ledgers[:2]), ledgers_table(ledgers, others
 #
 # The effect of peak masking depends on the brightness and width of the brightest HI sources, and the relative
 # size of a residual on the brightness of HI. The columns have the same Galaxy and noise. The first has cells
-# twice as wide as those of the paper's box, the second has that box, and the third has the wider cells with
-# the matter smoothed by {glue:text}`paper_size_smoothing`, an option in the sample file of the paper's
-# simulator ({doc}`01_simulations`). The last two have one run of SDecGMCA each, in the earlier reading.
+# twice as wide as those of the paper's box, the second that box, and the third the wider cells with the
+# matter smoothed by {glue:text}`paper_size_smoothing`, an option in the sample file of the paper's simulator
+# ({doc}`01_simulations`). The last two have one run of SDecGMCA each, in the earlier reading.
 #
 # HI is brightest with the paper's box and faintest with smoothing (F1). With the former PCA and FastICA meet
 # E2, as in the paper; with the latter GMCA has the excess of E3, as in the paper. Of B1 to B3 and D3 only the
-# verdict on B1 differs. The difference is due to SDecGMCA, whose parts are shares of eight restarts in the
-# first column and one run in the others: PCA, FastICA, GMCA and the parametric fit fail in all three. With
-# the paper's box this run has the bias of B2: with the evolving and the oscillating beam the frequency
-# spectrum is too low at large wavenumbers without masking, but not with it. No restart has this bias in the
-# boxes with wider cells.
+# verdict on B1 differs. This is due to SDecGMCA, whose parts are shares of eight restarts in the first column
+# and one run in the others: PCA, FastICA, GMCA and the parametric fit fail in all three. With the paper's box
+# this run has the bias of B2: with the evolving and the oscillating beam the frequency spectrum is too low at
+# large wavenumbers without masking, but not with it. No restart has this bias in the boxes with wider cells.
 
 # %% tags=["hide-input"]
 of_the_box = "F1", "E2", "E3", "D3", "B1", "B2", "B3"
@@ -118,11 +116,11 @@ quote(
 # (sizes)=
 # ## The figures
 #
-# This section shows all figures of the paper at its size, for the real and the synthetic Galaxy. The linked
-# chapter explains each figure, and includes both Galaxies at this size among its interactive curves. All
-# figures have eight restarts of SDecGMCA, except the scan over the number of sources, which has one, so the
-# minima in Figs. 3 and 4 can change with the restart. Lines are medians over restarts, bands the 16 to 84 %
-# range, and thin lines single restarts; ratios are linear near 1 and logarithmic beyond if a figure says so.
+# All figures of the paper are shown at its size, for the real and the synthetic Galaxy. The linked chapter
+# explains each, and includes both Galaxies at this size among its interactive curves. All figures have eight
+# restarts of SDecGMCA, except the scan over the number of sources with one, so the minima in Figs. 3 and 4
+# can change with the restart. Lines are medians over restarts, bands the 16 to 84 % range, and thin lines
+# single restarts; ratios are linear near 1 and logarithmic beyond if a figure says so.
 #
 # The figures and the ledger have the same starts of SDecGMCA, measured on different days. For the real Galaxy
 # {glue:text}`00_the_answer.ipynb::answer_figures_again:s` gave the same run again, the others another.

@@ -27,8 +27,8 @@
 # > - **Time and memory**: {cost}`19_scale`.
 #
 # This chapter lists the time and memory of each step at the paper's size (`nside` 256, 500 channels of 1 MHz,
-# an HI box of 1024³ cells) on two cores. It also shows how they grow, how long runs are protected, and how to
-# use a cluster. {doc}`../book/contributing` has the commands that measured them.
+# an HI box of 1024³ cells) on two cores, their growth, the protection of long runs, and the use of a cluster.
+# {doc}`../book/contributing` has the commands that measured them.
 
 # %% tags=["parameters"]
 results: str | None = None  # folder of stored results; None: that of the book
@@ -89,10 +89,10 @@ Markdown(steps_table(paper))
 # (whole)=
 # ### The whole paper
 #
-# Starting from an empty cache, with the real Galaxy and {glue:text}`scale_jobs` processes, this includes the
-# light cone, three observations, all methods and every figure. There are {glue:text}`scale_restarts` restarts
-# of SDecGMCA for each beam and with the plane dimmed, but one for the scan of $n_s$ and the ledger. *Memory*
-# is the peak of all processes, mapped files included; shared memory counts once.
+# From an empty cache, with the real Galaxy and {glue:text}`scale_jobs` processes, this includes the light
+# cone, three observations, all methods and every figure. There are {glue:text}`scale_restarts` restarts of
+# SDecGMCA for each beam and with the plane dimmed, but one for the scan of $n_s$ and the ledger. *Memory* is
+# the peak of all processes, mapped files included; shared memory counts once.
 
 # %% tags=["hide-input"]
 whole = read_stored("whole_paper", results)
@@ -114,9 +114,9 @@ Markdown(steps_table(laptop))
 # (growth)=
 # ## How the cost grows
 #
-# The table lists the exponent $p$ of time $\propto x^p$ between the two largest of three sizes. The HI box
-# also grows with `nside`, by four cells per unit. As the machine is shared, a fixed piece of work is timed
-# before and after each measurement, and times are scaled to the fastest pace.
+# The exponent $p$ of time $\propto x^p$ is measured between the two largest of three sizes. The HI box also
+# grows with `nside`, four cells per unit. On a shared machine a fixed task is timed before and after each
+# measurement, and times are scaled to the fastest pace.
 #
 # The slope of a line is the exponent.
 
@@ -174,9 +174,9 @@ Markdown(growth_table(scaling))
 # ### Tests of interruption
 #
 # Processes were killed at random times and restarted until they finished; their results were compared bit by
-# bit with an undisturbed run. *Failed* counts restarts that did not finish, and runs that ended without a
-# clear message; *left behind* counts files, shared memory and processes that were not removed. On a full disk
-# a command ends with a message, or continues without storing.
+# bit with an undisturbed run. *Failed* counts restarts that did not finish, and exits without a clear
+# message; *left behind* counts files, shared memory and processes that were not removed. On a full disk a
+# command ends with a message, or continues without storing.
 
 # %%
 Markdown(endurance_table(read_stored("endurance", results)))
@@ -248,9 +248,9 @@ Markdown("\n".join(Table(head, rows).markdown()))
 # disk space of the paper's size.
 #
 # Dask does not divide a product: a worker holds complete cubes of {glue:text}`scale_large_cube` each at this
-# size. The step with the largest memory therefore sets the memory of a worker, {glue:text}`scale_worker`. Use
-# one worker per node, with `memory` and `HIMAP_MAX_MEMORY` above that, and set its cores in the variables of
-# the prologue. There are two consecutive stages: {glue:text}`scale_cases` observations, of which those of the
+# size. The step with the largest memory therefore sets that of a worker, {glue:text}`scale_worker`. Use one
+# worker per node, with `memory` and `HIMAP_MAX_MEMORY` above that, and its cores in the variables of the
+# prologue. There are two consecutive stages: {glue:text}`scale_cases` observations, of which those of the
 # same sky wait for its light cone, and {glue:text}`scale_cleanings` independent cleanings. With
 # {glue:text}`scale_nodes` such workers of two cores both take {glue:text}`scale_days`, if the shared disk
 # keeps up.

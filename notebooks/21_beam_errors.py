@@ -26,8 +26,7 @@
 # > - **Time and memory**: {cost}`21_beam_errors`.
 #
 # The paper assumes the true beam; that of a telescope is measured with an error. Here the assumed beam is
-# wrong by a known amount. At what error does a method without a beam become better, and do additional sources
-# help?
+# wrong by a known amount. At what error is a method without a beam better, and do additional sources help?
 #
 # The assumed FWHM is the true one times $1 + e$:
 #
@@ -111,7 +110,7 @@ study.stamped(beam_errors_figure(table), beam=case.beam)
 # (beam-errors-record)=
 # ## Over several skies
 #
-# Results for more errors, methods and skies are stored with the book, for both Galaxies:
+# Results for more errors, methods and skies, and both Galaxies, are stored with the book:
 #
 # ```sh
 # himap measure beam_errors --preset quick -p n_realisations=5 --jobs 2
@@ -145,8 +144,8 @@ plotting.stamp(beam_errors_figure(records[-1].rows), records[-1].made.footer())
 # smallest of them is too large). It includes only the smallest number of sources. With more sources, the
 # residual has a narrow maximum at the error whose effect on the foreground is as bright as HI, and the errors
 # that were tried can lie on both sides of it. For example, the curves of the ripple have their maximum at an
-# additional ripple of $10^{-5}$, which corresponds to an error in amplitude of 0.7 %; this amplitude error
-# was not tried. SDecGMCA is not in the table, as its runs differ by more than 1 %.
+# additional ripple of $10^{-5}$, an error in amplitude of 0.7 %, which was not tried. SDecGMCA is not in the
+# table, as its runs differ by more than that.
 
 
 # %% tags=["hide-input"]

@@ -28,11 +28,10 @@
 # \hat t - t = \underbrace{(f - \mathcal{P} f)}_\text{foreground residual} - \underbrace{\mathcal{P} t}_\text{signal loss} ,
 # ```
 #
-# where $\mathcal P$ is the operator by which the method, with its estimated spectra, selects the part of any
-# maps to remove, and $\mathcal P\, t$ excludes the peaks masked before the separation
-# ({doc}`03_peak_masking`). The chapter compares the paper's SDecGMCA; BeamSubspace, which estimates the
-# mixing matrix without thresholded sources; and **SmoothSpectra**, which has no wavelet thresholds and none
-# to choose.
+# where $\mathcal P$ selects the part that the method, with its estimated spectra, removes from any maps, and
+# $\mathcal P\, t$ excludes the peaks masked before the separation ({doc}`03_peak_masking`). It compares the
+# paper's SDecGMCA; BeamSubspace, which estimates the mixing matrix without thresholded sources; and
+# **SmoothSpectra**, which has no wavelet thresholds and none to choose.
 #
 # Signal is lost in two ways:
 #
@@ -273,12 +272,12 @@ quote(
 # - **Without correction neither BeamSubspace nor SmoothSpectra meets the goal**: the spectra that the
 #   foreground requires overlap with too much HI. In the single runs of SDecGMCA foreground residual can be
 #   larger than the loss; {doc}`27_restarts` has ensembles.
-# - **Additional sources cause no signal loss in SmoothSpectra**: with {glue:text}`thresholds_many` it
-#   preserves {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$,
-#   BeamSubspace {glue:text}`thresholds_kept_beam`, and one run of SDecGMCA
-#   {glue:text}`thresholds_kept_paper`; the foreground residual of the latter can be larger than that. Between
-#   {glue:text}`thresholds_few` and {glue:text}`thresholds_many` sources the corrected spectrum of
-#   SmoothSpectra changes by {glue:text}`thresholds_alike` in the worst band.
+# - **Additional sources cause SmoothSpectra no signal loss**: with {glue:text}`thresholds_many` it preserves
+#   {glue:text}`thresholds_kept_smooth` of the power of HI and noise at $10 \leq \ell \leq 19$, BeamSubspace
+#   {glue:text}`thresholds_kept_beam`, and one run of SDecGMCA {glue:text}`thresholds_kept_paper`; the
+#   foreground residual of the latter can be larger than that. Between {glue:text}`thresholds_few` and
+#   {glue:text}`thresholds_many` sources the corrected spectrum of SmoothSpectra changes by
+#   {glue:text}`thresholds_alike` in the worst band.
 # - **Corrected without mocks**, most bands meet the goal, but the worst one does not. The correction is
 #   sensitive to the power of HI at the smallest $k_\nu$, which is extrapolated from where foregrounds are
 #   negligible.

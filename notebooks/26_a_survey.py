@@ -154,8 +154,7 @@ show(
 # %% [markdown]
 # ## The files, and the cube
 #
-# Hits are a single HEALPix map for all channels; flags are an array of voxels. Maps are NaN where nothing was
-# observed.
+# Hits are a HEALPix map for all channels, flags an array of voxels. Maps are NaN where nothing was observed.
 
 # %%
 temporary = tempfile.TemporaryDirectory()  # deleted when this notebook ends
@@ -175,7 +174,7 @@ print(*cube.remarks, sep="\n")
 # ## Cleaning
 #
 # The truth is HI and noise, and most of its power is noise (see both rms above). A deviation of the residual
-# from the truth is therefore a larger share of the power of HI.
+# from the truth is a larger share of the power of HI.
 #
 # *Weights and flags* uses both; in *flags alone* all observed voxels have the same weight; in *neither* gaps
 # are interpolated linearly in frequency and then treated as observed. Compare the residuals with the truth.
@@ -326,10 +325,10 @@ study.stamped(plotting.lines([panel | scales for panel in panels]), beam=selecte
 # %% [markdown]
 # ## Corrected by mocks
 #
-# Mocks of HI with other seeds, and noise according to the hits, are added to the cube with the same gaps, and
-# cleaned with it. (`himap transfer` instead replaces its HI and noise by mocks, {doc}`20_transfer_function`;
-# mocks that it draws have equal noise in every pixel.) The power of the residual is divided by their
-# recovered share. This corrects the signal loss, so a curve above 1 is foreground residual.
+# Mocks of HI with other seeds, and noise by hits, are added to the cube with the same gaps, and cleaned with
+# it. (`himap transfer` instead replaces its HI and noise by mocks, {doc}`20_transfer_function`; mocks that it
+# draws have equal noise in every pixel.) The power of the residual is divided by their recovered share. This
+# corrects the signal loss, so a curve above 1 is foreground residual.
 
 # %%
 drawn = np.random.default_rng(7)
@@ -434,15 +433,15 @@ quote(
 # - **Flag the gaps**, {glue:text}`survey_missing` of this cube. Interpolation across gaps has errors far
 #   above HI, which a few components cannot describe.
 # - **Weights have little effect here.** They keep the noise of the edge out of the components, but these then
-#   adapt more closely to fewer pixels, so the signal loss should be corrected.
+#   adapt more closely to fewer pixels: correct the signal loss.
 # - **Signal loss is larger for a small patch** than for the full sky; mocks with the same gaps measure it.
 # - **Fits are less sensitive to gaps**, except at the smallest $k_\nu$ after correction, and insensitive to
 #   pixel weights, since each line of sight is fitted separately. The residual of the {glue:text}`survey_fit`
 #   has {glue:text}`survey_fit_low` of the power at $k_\nu < 0.3$ MHz$^{-1}$ with this beam.
 #
-# Your own mocks, with HI and noise according to the hits as here, correct the loss; give about ten, each with
-# `--mocks`. On part of the sky or with gaps they do not measure the foreground residual, and the coverage of
-# the error bars is unknown: it was measured for full skies ({doc}`20_transfer_function`).
+# Your own mocks, HI and noise by hits as here, correct the loss; give about ten, each with `--mocks`. On part
+# of the sky or with gaps they do not measure the foreground residual, and the coverage of the error bars is
+# unknown: it was measured for full skies ({doc}`20_transfer_function`).
 #
 # ```sh
 # himap transfer cube.h5 --weights hits.fits --flags flags.npy --method pca -p n_sources=3 --keep-peaks --mocks mock1.h5 --mocks mock2.h5 -o transfer.html
@@ -456,8 +455,8 @@ quote(
 # <details class="himap-answer">
 # <summary>Answer</summary>
 #
-# The noise is twice as large at the edge, as it scales with the inverse square root of the hits. The weight,
-# its inverse variance, is a quarter of that in the middle.
+# The noise scales with the inverse square root of the hits and is twice as large at the edge. Its inverse
+# variance, the weight, is a quarter of that in the middle.
 #
 # </details>
 #
