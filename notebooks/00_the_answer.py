@@ -264,7 +264,7 @@ claims_of(2)
 #
 # GMCA has a larger excess than PCA at the smallest multipoles and at $k_\nu < 0.2$ MHz$^{-1}$, as in the
 # paper. At intermediate multipoles its mean is below the clear excess that E3 requires, except on the one sky
-# with smoothed HI ({doc}`18_paper_size`); at the paper's size the excess ends near $\ell = 20$.
+# with smoothed HI ({doc}`18_paper_size`).
 #
 # ## 3. The oscillating beam
 

@@ -176,8 +176,8 @@ stamped(plotting.lines(panels), ripple=ripple)
 # ```
 #
 # with $\Omega_\mathrm{beam} = 1.133\,\mathrm{FWHM}^2$ and $\mathrm{FWHM} = \lambda/D$. The survey is the
-# paper's (Sect. 2.2): 197 dishes of 13.5 m, 20,000 h, the full sky and $T_\mathrm{instr} = 25$ K; its
-# channels are 1 MHz wide. As in the paper $\sigma_N$ is applied per *pixel*, whatever its size, so coarser
+# paper's (Sect. 2.2): 197 dishes of 13.5 m, 20,000 h, the full sky and $T_\mathrm{instr} = 25$ K; the
+# paper's channels are 1 MHz wide. As in the paper $\sigma_N$ is applied per *pixel*, whatever its size, so coarser
 # maps have a higher noise power $N_\ell = \sigma_N^2\,\Omega_\mathrm{pix}$. The paper also calls $\sigma_N$ a
 # variance: `noise_reading=variance` ([conventions](../book/conventions.md)).
 #

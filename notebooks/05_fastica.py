@@ -292,7 +292,7 @@ show(study.band_numbers(removers))
 # - FastICA removes the same space as PCA: cleaned maps, spectra and the number of components to choose are
 #   the same.
 # - Its sources resemble emission more closely, but are not physical components, as these are not independent.
-# - The sources can depend on the random start, here with four components; the removed foreground does not.
+# - The sources can depend on the random start; the removed foreground does not.
 #
 # ## Exercise
 #

@@ -340,7 +340,7 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 #
 # - With the oscillating beam GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA.
 #   With the evolving beam the two are close on this sky; on the real Galaxy GMCA has an excess at the lowest
-#   $\ell$, up to about 20 at the paper's size. Over the intermediate $\ell$ of the paper its mean is not a
+#   $\ell$. Over the intermediate $\ell$ of the paper its mean is not a
 #   clear excess (claim E3, {doc}`15_claims`), except on a sky with smoothed HI ({doc}`18_paper_size`).
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, individual sources are
 #   not.
