@@ -1,6 +1,6 @@
 """Foreground removal: one file per method, behind one interface.
 
-Every file of this package is found by itself, so a new method is one new file.
+Every module of this package is discovered automatically, so a new method is one new file.
 """
 
 from himap.core.registry import Registry
@@ -17,24 +17,24 @@ def available():
 
 
 def describe(name):
-    """What a method is, what it uses, and its parameters, as text; InputError for an unknown name."""
+    """Describe a method, what it uses and its parameters, as text; InputError for an unknown name."""
     about, *parameters = _METHODS.describe(name).splitlines()
     uses = ", ".join(sorted(REGISTRY[_METHODS.find(name)].uses)) or "maps alone"
     return "\n".join([about, f"Uses: {uses}", *parameters])
 
 
 def using(what):
-    """Names of the methods that use something, such as "weights" (`ForegroundRemover.uses`)."""
+    """Names of the methods that use a feature, such as "weights" (`ForegroundRemover.uses`)."""
     return [name for name in available() if what in REGISTRY[name].uses]
 
 
 def create(name, **parameters):
-    """The method called `name`, a `ForegroundRemover`.
+    """Create the method called `name`, a `ForegroundRemover`.
 
     Raises
     ------
     InputError
-        An unknown name or parameter (the message lists what exists), or a bad value.
+            For an unknown name or parameter (the message lists the valid ones) or an invalid value.
     """
     return _METHODS.create(name, **parameters)
 

@@ -1,4 +1,4 @@
-"""Harmonic analysis of a cube, once for all that is asked of it."""
+"""Harmonic analysis of a cube, done once for all later uses."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,31 +14,31 @@ from himap.removal import harmonic
 from himap.removal.covariance import channel_covariance
 
 _BRIGHT = 9.0  # times the variance of the faint axes: foreground, not HI and noise alone
-_FAINT = 0.25  # quantile of the variances, HI and noise unless three quarters of the channels hold more
-_CLOSE = 0.3  # of the level of HI and noise: how well the maps of what is bright are reproduced
-_DIGITS = 1e-6  # of a map: beyond, float32 has none
-_NEGLIGIBLE = 1e-10  # of the level of HI and noise, in the mean over all modes: faint at any l
-_FINE = 64  # nside from which plain quadrature is good to 0.2 % of a coefficient; at 16 it is to 1 %
+_FAINT = 0.25  # quantile of the variances, HI and noise unless three quarters of the axes hold more
+_CLOSE = 0.3  # of the level of HI and noise: precision of the maps of bright axes
+_DIGITS = 1e-6  # of a map: the precision of float32
+_NEGLIGIBLE = 1e-10  # of the level of HI and noise, averaged over all modes: faint at any l
+_FINE = 64  # nside from which plain quadrature is exact to 0.2 % of a coefficient; at 16, to 1 %
 
 
 @dataclass(frozen=True, kw_only=True)
 class SplitModes:
     """Real modes (`himap.removal.harmonic`) of all channels, mK, ``spectra @ bright + rest``.
 
-    They know two products, ``rows @ modes`` and ``modes @ columns``, in float64 without the sum in memory;
+    They support two products, ``rows @ modes`` and ``modes @ columns``, in float64 without forming the sum;
     `numpy.array` makes the sum, (n_channels, n_modes) float64.
 
     Attributes
     ----------
     spectra
-        Those of what is brighter than HI and noise, orthonormal, (n_channels, n_bright).
+            Spectra of axes brighter than HI and noise, orthonormal, (n_channels, n_bright).
     bright
         The modes of their maps, (n_bright, n_modes) float64.
     rest
-        Those of all else, (n_channels, n_modes) float32.
+            The modes of everything else, (n_channels, n_modes) float32.
     """
 
-    __array_ufunc__ = None  # so that numpy leaves products to this class
+    __array_ufunc__ = None  # so that numpy delegates products to this class
 
     spectra: np.ndarray
     bright: np.ndarray
@@ -71,9 +71,9 @@ class CubeModes(SplitModes):
         return math.isqrt(self.rest.shape[1]) - 1
 
     def without_peaks(self, maps, smooth):
-        """The same of maps `smooth` (n_channels, n_pix) that differ from `maps`, those of these, in peaks.
+        """The same for maps `smooth` (n_channels, n_pix) that differ from `maps`, analysed here, in peaks.
 
-        Only peaks are analysed, as `rest` is; at l = 0 nothing changes, as channel means are subtracted.
+        Only peaks are analysed, with the precision of `rest`. At l = 0 nothing changes: means are subtracted.
         """
         rest = self.rest.copy()
         for with_peaks, without, out in zip(progress(maps, "peaks"), smooth, rest, strict=True):
@@ -91,19 +91,19 @@ class CubeModes(SplitModes):
         return modes
 
     def at(self, degree):
-        """The `SplitModes` of one l, views."""
+        """The `SplitModes` of one l, as views."""
         block = slice(degree**2, (degree + 1) ** 2)
         return SplitModes(spectra=self.spectra, bright=self.bright[:, block], rest=self.rest[:, block])
 
     def by_degree(self, lmax):
-        """Copies of those of every l to `lmax`, a list, for products that are made again and again."""
+        """Copies of the modes of every l to `lmax`, a list, for products that are computed repeatedly."""
         views = map(self.at, range(lmax + 1))
         return [
             replace(one, bright=one.bright.copy(order="C"), rest=one.rest.copy(order="C")) for one in views
         ]
 
     def low_cube(self, lmax, channels=slice(None)):
-        """The maps of all channels, or some, up to `lmax`, (n_channels, n_pix) float32."""
+        """The maps of all channels, or of some, up to `lmax`, (n_channels, n_pix) float32."""
         nside, modes = (self.lmax + 1) // 3, self.upto(lmax, channels)
         alms = (harmonic.from_modes(channel) for channel in modes)
         return sphere.synthesise_cube(alms, nside, n_channels=len(modes), label=f"maps to l = {lmax}")
@@ -119,13 +119,13 @@ class CubeModes(SplitModes):
 def cube_modes(maps, kept=None, covariance=None):
     """The `CubeModes` of HEALPix maps, (n_channels, n_pix), to l = 3 nside - 1.
 
-    With a mask `kept` (n_pix,) bool, of the maps of the pixels that it keeps, (n_channels, n_kept): what is
-    bright is continued outside (`himap.maps.inpaint`), the rest is zero there. The covariance is the
-    `channel_covariance` of the maps, where it is at hand.
+    With a mask `kept` (n_pix,) bool, maps are (n_channels, n_kept), of its pixels only: bright emission is
+    continued outside (`himap.maps.inpaint`), the rest is zero there. The covariance is the
+    `channel_covariance` of the maps, if it is known.
 
-    Foregrounds are a few spectra times maps; these are analysed until less than HI and noise remains. For
-    all else plain quadrature in float32 does, up to l = 2 nside: refinements would change the cleaned maps by
-    1e-5. Products run on one thread: the number of threads changes their last bits, and SDecGMCA with them.
+    Foregrounds are a few spectra times maps; these are analysed to an error below HI and noise. For all else
+    plain quadrature in float32 is enough up to l = 2 nside: refinements would change the cleaned maps by
+    1e-5. Products run on one thread: the number of threads changes their last bits, and so SDecGMCA.
     """
     nside = sphere.nside_of(maps if kept is None else kept)
     lmax, n_iter = 3 * nside - 1, _n_iter(nside)
@@ -144,16 +144,16 @@ def cube_modes(maps, kept=None, covariance=None):
 
 
 def modes_of_sum(foreground, alms, covariance):
-    """The `CubeModes` of a foreground with HI and noise whose coefficients are known.
+    """The `CubeModes` of a foreground plus HI and noise with known coefficients.
 
-    The foreground is analysed as in `cube_modes`, with the errors that it has there.
+    The foreground is analysed as in `cube_modes`, with the same errors.
 
     Parameters
     ----------
     foreground
         A `LowRankCube` of the full sphere; its channel means are subtracted.
     alms
-        Of HI and noise less channel means, (n_channels, n_alm), to 3 nside - 1.
+            Coefficients of HI and noise less channel means, (n_channels, n_alm), to 3 nside - 1.
     covariance
         The `channel_covariance` of maps with as much HI and noise.
     """
@@ -168,15 +168,15 @@ def modes_of_sum(foreground, alms, covariance):
 
 
 def _faint(values):
-    """The level of HI and noise among variances, eigenvalues that ascend."""
+    """The level of HI and noise among variances, eigenvalues in ascending order."""
     return max(np.quantile(values, _FAINT), _DIGITS**2 * values[-1])
 
 
 def _bright_modes(lines, values, faint, kept=None):
-    """Real modes of maps with variances `values`, float64, so closely that less than HI and noise remains."""
+    """Real modes of maps with variances `values`, float64, with an error below HI and noise."""
     n_pix = lines.shape[1] if kept is None else len(kept)
     nside, out = sphere.nside_of(np.empty(n_pix, dtype=bool)), np.empty((len(lines), 3 * n_pix // 4))
-    tolerances = np.maximum(_CLOSE * np.sqrt(faint / values), _DIGITS)  # of noise alone
+    tolerances = np.maximum(_CLOSE * np.sqrt(faint / values), _DIGITS)  # relative to a map
     is_bright = values > _BRIGHT * faint
     rows = zip(progress(lines, "bright maps"), tolerances, is_bright, out, strict=True)
     for line, tolerance, bright, modes in rows:
@@ -191,14 +191,14 @@ def _bright_modes(lines, values, faint, kept=None):
 
 
 def _n_iter(nside):
-    """Refinements of the quadrature that maps as faint as HI and noise need."""
+    """Number of refinements of the quadrature for maps as faint as HI and noise."""
     return 0 if nside >= _FINE else sphere.N_ITER_FLAT
 
 
 def inpainted_maps(lines, kept, modes):
-    """Maps (n_channels, n_pix) of the full sphere: lines of sight where kept, what is bright elsewhere.
+    """Maps (n_channels, n_pix) of the full sphere: lines of sight where kept, bright emission elsewhere.
 
-    Of `lines` (n_channels, n_kept), mK, and their `modes`, the `cube_modes` with `kept` (n_pix,) bool.
+    `lines` are (n_channels, n_kept), mK, and `modes` their `cube_modes` with `kept` (n_pix,) bool.
     """
     maps = scattered(lines, kept)
     bright = harmonic.synthesise(modes.bright, sphere.nside_of(kept))[:, ~kept]

@@ -1,7 +1,7 @@
-"""What every method of foreground removal has in common: checks, subtraction, the register.
+"""What all methods of foreground removal share: checks, subtraction and the registry.
 
 A method is a frozen dataclass of its parameters with one hook, `_separate`. To add one, write one file with
-one class in `himap/removal/`; it registers by its name, and the contract test runs on it by itself.
+one class in `himap/removal/`; it is registered under its name, and the contract test covers it automatically.
 """
 
 import warnings
@@ -24,11 +24,11 @@ __all__ = ["REGISTRY", "Cleaned", "ForegroundRemover", "Separation", "Separation
 
 REGISTRY = {}
 
-_SPATIAL = {"sphere", "neighbours"}  # uses for which the pixels of a part of the sphere are not enough
+_SPATIAL = {"sphere", "neighbours"}  # uses that need more than the pixels of a part of the sphere
 
 
 class SeparationWarning(UserWarning):
-    """A method ended without converging, or with something the user should know."""
+    """A method ended without converging, or or with a result that needs a remark."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,15 +38,15 @@ class ForegroundRemover(ABC):
     Attributes
     ----------
     name
-        What it is called in `removal.create`, in file names and in figures.
+            Name of the method in `removal.create`, in file names and in figures.
     uses
         What the method needs or accepts beyond maps and frequencies:
 
-        - "beams": those of the instrument, which must be given;
-        - "noise": that of the instrument, which may be None, so that a method that needs it checks for it;
-        - "sphere": multipoles, so the pixels are a full HEALPix sphere, or a part that is continued to it;
-        - "neighbours": pixels around each pixel, of a HEALPix sphere as before, or of an image in the plane;
-        - "weights": of pixels and voxels, where they differ; other methods refuse them.
+            - "beams": the beams of the instrument, which must be given;
+            - "noise": the noise of the instrument; it may be None, so a method that needs it must check;
+            - "sphere": multipoles, so the pixels are a full HEALPix sphere, or a part continued to it;
+            - "neighbours": pixels around each pixel, of a HEALPix sphere as above or an image in the plane;
+            - "weights": weights of pixels and voxels; other methods refuse weights that are not all equal.
     """
 
     name: ClassVar[str]
@@ -62,30 +62,30 @@ class ForegroundRemover(ABC):
             object.__setattr__(self, "noise", checked_noise("noise", self.noise))
 
     def clean(self, maps, *, separate_on=None, **given):
-        """Find the foreground and subtract it.
+        """Estimate the foreground and subtract it.
 
         Parameters
         ----------
         maps
             (n_channels, n_pix), mK; not changed.
         separate_on
-            Maps of the same shape to find the foreground in, such as `maps` with their peaks masked; `maps`
-            themselves unless given. The foreground is always subtracted from `maps`.
+                Maps of the same shape in which to estimate the foreground, such as `maps` with their peaks
+                masked; default: `maps`. The foreground is always subtracted from `maps`.
         given
-            `freqs`, and as needed `beams`, `noise`, `rng`, `mask`, `weights` and `image` (`Data.of`).
+            `freqs`, and, where needed, `beams`, `noise`, `rng`, `mask`, `weights` and `image` (`Data.of`).
 
         Returns
         -------
         Cleaned
-            Of all pixels given, with 0 where none is kept; the residual is 0 where a voxel is missing, and
-            the foreground there is what was found of it.
+                The cleaned maps of all given pixels, 0 in pixels that are not kept. In missing voxels the
+                residual is 0, and the maps hold the estimated foreground.
 
         Raises
         ------
         InputError
-            Maps of different shapes; what is not valid by itself (`Data.of`), or not for this method: more
-            sources than channels, missing beams or noise, weights that it does not take, pixels that are not
-            a sphere where it needs one.
+                If shapes differ, if an input is invalid by itself (`Data.of`), or if it does not suit this
+                method: more sources than channels, missing beams or noise, weights that it does not support,
+                or pixels that are not a sphere where it needs one.
         """
         if given.get("weights") is not None:
             self.check_weights()
@@ -107,13 +107,13 @@ class ForegroundRemover(ABC):
         return Cleaned(maps=maps, residual=residual, separation=separation)
 
     def separate(self, data, *, stacklevel=2):
-        """The `Separation` of `Data`; errors as of `clean`, `stacklevel` as of `warnings.warn`."""
+        """The `Separation` of `Data`; raises the errors of `clean`; `stacklevel` as in `warnings.warn`."""
         self.check(len(data.maps))
         self.check_data(data)
         whole = data.on_sphere() if self.uses & _SPATIAL and data.image is None else data
         try:
-            # Sums in another order end elsewhere after many turns: one thread, so that machines with the same
-            # libraries agree whatever their number of cores. Transforms keep theirs, which do not matter.
+            # A different order of summation changes the result after many iterations. On one thread, machines
+            # with the same libraries agree, whatever their number of cores. Transforms may use all threads.
             with threadpool_limits(1, user_api="blas"):
                 found = self._separate(whole)
         except np.linalg.LinAlgError as error:
@@ -123,7 +123,7 @@ class ForegroundRemover(ABC):
             ) from None
         found = found if found.means is not None else replace(found, means=whole.means)
         found.check(type(self).__name__, whole.maps.shape)
-        if not (found.converged or has_restarts(self)):  # those end by count, as published
+        if not (found.converged or has_restarts(self)):  # those end after a fixed count, as published
             warnings.warn(
                 f"{self.name}: stopped after {found.n_iterations} iterations without converging.",
                 SeparationWarning,
@@ -132,7 +132,7 @@ class ForegroundRemover(ABC):
         return found if whole is data else found.moved(lambda lines: lines[..., data.grid])
 
     def check(self, n_channels):
-        """InputError, before any work, for parameters that do not fit maps of `n_channels` channels."""
+        """Raise InputError, before any work, if parameters do not fit maps of `n_channels` channels."""
         n_sources = getattr(self, "n_sources", 0)
         if n_sources > n_channels:
             raise InputError(
@@ -144,11 +144,11 @@ class ForegroundRemover(ABC):
         checked_noise("noise", getattr(self, "noise", None), n_channels)
 
     def least_channels(self, n_channels):
-        """How many of its channels a line of sight may not miss."""
+        """Smallest number of observed channels that a line of sight needs."""
         return 1
 
     def check_data(self, data):
-        """InputError, before any work, for `Data` that lack what it needs or have what it does not take."""
+        """Raise InputError, before any work, if `Data` lack what the method needs or hold what it refuses."""
         if "beams" in self.uses and data.beams is None:
             raise InputError(
                 f"{self.name} needs beams=, the b_l of every channel, (n_channels, lmax + 1); "
@@ -164,7 +164,7 @@ class ForegroundRemover(ABC):
             self.check_weights(data.weights)
 
     def check_weights(self, weights=None):
-        """InputError for weights that the method does not take: any at all, or those with wide gaps."""
+        """Raise InputError for weights that the method does not support: any, or those with wide gaps."""
         if "weights" not in self.uses:
             raise InputError(f"{self.name} takes no weights and no flags; parametric, pca and polynomial do.")
         if np.ndim(weights) == 2:
@@ -172,9 +172,9 @@ class ForegroundRemover(ABC):
 
     @abstractmethod
     def _separate(self, data):
-        """The `Separation` of `Data`, whose maps must not be changed.
+        """Return the `Separation` of `Data`, whose maps must not be changed.
 
-        Maps come as `data.centred`, less the means that the base class subtracts too, or as `data.total`:
-        then the result has `means` of 0. Of a part of the sphere a method that uses the sphere or neighbours
-        gets maps that go on smoothly outside of `data.inside`, where they hold no HI.
+        Use `data.centred`, maps less the means that the base class subtracts too, or `data.total`: then the
+        result has `means` of 0. For a part of the sphere, a method that uses "sphere" or "neighbours" gets
+        maps that continue smoothly outside of `data.inside`, where they hold no HI.
         """

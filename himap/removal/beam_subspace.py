@@ -1,4 +1,4 @@
-"""The space of the blurred spectra, estimated without thresholded sources; a method of himap."""
+"""The space of the blurred spectra, estimated without thresholded sources; a method of this library."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -27,35 +27,35 @@ class BeamSubspace(ForegroundRemover):
 
     Not a method of the paper. The model, X_l = diag(H_l) A S_l + N_l (Eq. 21), the start and the sparsity in
     starlets are those of `SDecGMCA` (Carloni Gertosio & Bobin 2021); the estimate of A is not. H is the beam
-    over the best beam of any channel, so at most 1. In alternation, S follows from A by plain least squares
-    at every l, and A from S, channel by channel, by one Newton step towards
+    of a channel over the best beam of all, so at most 1. In alternation, S follows from A by plain least
+    squares at every l, and A from S, channel by channel, by one Newton step towards
 
         sum_l H_l (X_l - H_l A S_l) T_l^T = 0,
 
-    T being the thresholded detail scales of S. The sources are subtracted before thresholds, so T only
-    weights the data, and without noise the true A is a solution for any thresholds. (In a fit of X with T
-    alone bright sources no longer cancel where a coefficient is cut, each channel has the remainder through
-    another beam, and A is biased by it.) So the result hardly depends on noise level, share or start; but
-    with `thresholds` of "mad" next to nothing is kept of a source that is bright nearly everywhere. The
-    iteration ends when the misfit no longer changes.
+    where T are the thresholded detail scales of S. Unthresholded sources are subtracted, so T only weights
+    the data, and without noise the true A is a solution for any thresholds. (In a fit of X with T alone,
+    bright sources no longer cancel where a coefficient is cut: each channel has the remainder through another
+    beam, which biases A.) So the result hardly depends on noise level, share or start; but `thresholds` of
+    "mad" keep almost nothing of a source that is bright nearly everywhere. The iteration ends when the misfit
+    no longer changes.
 
-    The foreground is H A S with S from least squares at every l of the maps (`through_beams`): it depends on
+    The foreground is H A S with S by least squares at every l of the maps (`through_beams`): it depends on
     A only through the space that its columns span. They are orthonormal; the sources are uncorrelated and
     ordered by variance, not separated. There is no randomness.
 
     With a mask, the squares of X - H A S are minimised over the kept pixels, with S free outside. Extending
-    the maps by any H A S does not change this: so the maps are continued smoothly to the full sphere, where
+    the maps by any H A S does not change this, so the maps are continued smoothly to the full sphere, where
     their bright part is nearly such an H A S, and least squares are solved there (`himap.maps.inpaint`). The
-    continuation is inaccurate at the edge, within reach of the beam. T has zero weight there, so that A is
-    estimated from pixels further inside, and spectra of the residual should exclude as much: two widths of
-    the widest beam.
+    continuation is inaccurate near the edge, within reach of the beam. T has zero weight there, so A is
+    estimated from pixels further inside, and spectra of the residual should exclude the same margin: two
+    widths of the widest beam.
     """
 
     name: ClassVar[str] = "beam_subspace"
     uses: ClassVar[frozenset] = frozenset({"beams", "sphere"})
     n_sources: int = parameter(3, "number of spectra", minimum=1)
     share: float = parameter(
-        0.3, "share of the significant coefficients that A is found from", minimum=0, maximum=1, above=True
+        0.3, "share of the significant coefficients used to fit A", minimum=0, maximum=1, above=True
     )
     n_scales: int = parameter(5, "number of starlet detail scales", minimum=1, maximum=12)
     lmax: int = parameter(200, "largest multipole that shapes A, at most 2 nside", minimum=4)
@@ -66,7 +66,7 @@ class BeamSubspace(ForegroundRemover):
     n_sigma: float = parameter(3.0, "lowest threshold, in units of the noise", minimum=0)
 
     def check_data(self, data):
-        """Refuse a mask that keeps too little farther inside than the beam reaches."""
+        """Refuse a mask that keeps too few pixels farther inside than the beam reaches."""
         super().check_data(data)
         if data.grid is None:
             return
@@ -92,7 +92,7 @@ class BeamSubspace(ForegroundRemover):
         best = beams.max(axis=0)
         mixture = BlurredMixture(modes.upto(lmax), beams[:, : lmax + 1] / best[: lmax + 1])
         mixing = mixture.start(self.n_sources)
-        if self.noise is None:  # the residual of the start, at the finer half of the multipoles
+        if self.noise is None:  # the residual of the initial A, in the upper half of the multipoles
             residual = mixture.residual(mixing, mixture.sources(mixture.least_squares(mixing)))
             noise = np.mean(residual[:, ((lmax + 1) // 2) ** 2 :] ** 2, axis=1)
             noise = noise if kept is None else noise / np.mean(kept)
@@ -113,7 +113,7 @@ class BeamSubspace(ForegroundRemover):
         )
 
     def _settled(self, mixture, mixing, weights):
-        """A whose columns span the spectra of the foreground, whether that space settled, iterations."""
+        """Return A whose columns span the spectra of the foreground, whether it settled, and iterations."""
         exact = _ROUNDING * np.vdot(mixture.modes, mixture.modes)
         misfit = None
         for count in progress(range(_MOST_ITERATIONS), self.name):
@@ -123,16 +123,16 @@ class BeamSubspace(ForegroundRemover):
             previous, misfit = misfit, np.vdot(residual, residual)
             settled = previous is not None and abs(previous - misfit) <= _SETTLED * misfit
             if settled or misfit <= exact:
-                # Turned so that the sources are uncorrelated.
+                # Rotated so that the sources are uncorrelated.
                 return mixing @ np.linalg.eigh(sources @ sources.T)[1], True, count
             kept = self._sparse(sources, mixture.source_noise(inverses), weights)
             mixing, _ = np.linalg.qr(mixture.corrected(mixing, residual, sources, kept))
         return mixing, False, _MOST_ITERATIONS
 
     def _sparse(self, sources, noise, weights):
-        """Sum of the detail scales of sources, real modes (n_sources, (lmax + 1)^2), after soft thresholds.
+        """Sum of the detail scales of sources after soft thresholds, real modes (n_sources, (lmax + 1)^2).
 
-        They are made on a grid that is exact for the multipoles to lmax. `noise` is the variance of each
+        Thresholds work on a grid that is exact for multipoles up to lmax. `noise` is the variance of each
         source per mode, (n_l, n_sources). `weights` of the grid, (n_grid,), multiply the coefficients.
         """
         lmax, kept = len(noise) - 1, np.empty_like(sources)
@@ -151,9 +151,9 @@ class BeamSubspace(ForegroundRemover):
 
 
 def inner_weights(kept, beam, lmax, *, on_grid=False):
-    """0 outside of a mask (n_pix,) and at its edge, 1 beyond reach of a beam b_l, by its pixels or the grid.
+    """Weights 0 outside a mask (n_pix,) and at its edge, 1 beyond reach of a beam b_l; on pixels or grid.
 
-    From the coefficients to `lmax` of the mask, seen twice through the beam.
+    Computed from the coefficients of the mask up to `lmax`, smoothed twice with the beam.
     """
     mask = sphere.analyse(kept.astype(np.float64), lmax)
     alm = sphere.multiply_beam(mask, (beam[: lmax + 1] / beam[0]) ** 2)

@@ -1,4 +1,4 @@
-"""Sources seen through the beams of the channels, X_l = diag(H_l) A S_l + N_l: A and S in turns."""
+"""Sources seen through the beams of the channels, X_l = diag(H_l) A S_l + N_l: steps to estimate A and S."""
 
 from dataclasses import dataclass
 
@@ -8,25 +8,25 @@ from himap.removal.analysis import CubeModes
 from himap.removal.covariance import principal_axes
 from himap.removal.harmonic import blocks, safe_inverse
 
-_RANK = 1e-13  # directions below this share of the largest are rounding
-_FAINTEST = 1e-20  # of the largest C_l of a source: the code of C21 divides by no less
-_VANISHED = 1e-100  # mK^2, far below any C_l: what a source without any is divided by
+_RANK = 1e-13  # directions below this share of the largest are rounding errors
+_FAINTEST = 1e-20  # of the largest C_l of a source: smallest divisor in the code of C21
+_VANISHED = 1e-100  # mK^2, far below any C_l: divisor for a source without power
 
 
 @dataclass(frozen=True)
 class BlurredMixture:
-    """Data of all channels as real modes, and what they are seen through (paper, Eq. 21).
+    """Data of all channels as real modes, and the beams they are seen through (paper, Eq. 21).
 
     Attributes
     ----------
     modes
-        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or a list with those of each l,
-        arrays or `SplitModes`; or `CubeModes` to that l or further, whose modes of one l are made when they
-        are needed, which takes less memory.
+            X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or a list with the modes of
+            each l, arrays or `SplitModes`; or `CubeModes` to that l or beyond, whose modes of one l are
+            computed when needed, which takes less memory.
     beams
         H_l, (n_channels, lmax + 1).
     noise
-        Variance of the noise per mode and channel, (n_channels,); None where it is not known.
+        Variance of the noise per mode and channel, (n_channels,); None if unknown.
     floor
         Eigenvalues of regularised normal equations below this share of the largest are raised to it.
     """
@@ -42,7 +42,7 @@ class BlurredMixture:
         return self.beams.shape[1] - 1
 
     def _by_degree(self):
-        """The modes of each l in turn, (n_channels, 2 l + 1)."""
+        """Yield the modes of each l in turn, (n_channels, 2 l + 1)."""
         if isinstance(self.modes, CubeModes):
             return map(self.modes.at, range(self.lmax + 1))
         return self.modes if isinstance(self.modes, list) else blocks(self.modes)
@@ -50,10 +50,10 @@ class BlurredMixture:
     def at_one_resolution(self, which="lowest"):
         """Sum over modes of X X^T, X re-convolved to one beam, (n_channels, n_channels).
 
-        There a source has one map again, and as many eigenvalues stand out as there are spectra. `which` is
-        "lowest", that of the widest beam at every l, or "first", that of the first channel, in which the code
-        of C21 (Carloni Gertosio & Bobin 2021) counts coefficients of m > 0 once where the sum over m has them
-        twice.
+        At one resolution a source has one map again, and as many eigenvalues stand out as there are spectra.
+        `which` is "lowest", the widest beam at every l, or "first", the beam of the first channel. With
+        "first", coefficients of m > 0 count once, as in the code of C21 (Carloni Gertosio & Bobin 2021),
+        although a sum over m has them twice.
         """
         target = self.beams[0] if which == "first" else self.beams.min(axis=0)
         products = np.zeros((len(self.beams), len(self.beams)))
@@ -73,7 +73,7 @@ class BlurredMixture:
         return self.beams.T[:, :, None] * mixing
 
     def least_squares(self, mixing):
-        """P_l with S_l = P_l X_l by least squares of A, (n_l, n_sources, n_channels)."""
+        """P_l with S_l = P_l X_l the least-squares sources for A, (n_l, n_sources, n_channels)."""
         return safe_inverse(self.matrices(mixing))
 
     def inverses(self, mixing, epsilon):
@@ -110,20 +110,20 @@ class BlurredMixture:
         return strength * np.mean(self.noise) / spectra
 
     def sources(self, inverses):
-        """S_l = P_l X_l of every l, real modes (n_sources, (lmax + 1)^2)."""
+        """S_l = P_l X_l for every l, real modes (n_sources, (lmax + 1)^2)."""
         sources = np.empty((inverses.shape[-2], (self.lmax + 1) ** 2))
         for inverse, data, out in zip(inverses, self._by_degree(), blocks(sources), strict=True):
             out[:] = inverse @ data
         return sources
 
     def source_noise(self, inverses):
-        """Variance of the noise of those sources per mode, (n_l, n_sources)."""
+        """Variance of the noise of these sources per mode, (n_l, n_sources)."""
         return inverses**2 @ self.noise
 
     def fit(self, sources, window):
         """A by least squares of window_l X_l = H_l A S_l, channel by channel (C21, Eq. 14).
 
-        `window` (lmax + 1,) makes of the data what `sources` are: 1, or the detail scales.
+        `window` (lmax + 1,) filters the data as `sources` are filtered: 1, or the detail scales.
         """
         n = len(sources)
         gram = _cross_products(blocks(sources), sources)
@@ -142,13 +142,13 @@ class BlurredMixture:
         return residual
 
     def corrected(self, mixing, residual, sources, kept):
-        """A plus what `residual`, X - H A S, still holds of the thresholded sources `kept`.
+        """A plus the correction by what `residual`, X - H A S, still holds of thresholded sources `kept`.
 
         Solves sum_l H (X - H A S) kept^T = 0 by one Newton step. Without noise the true A is a fixed point
-        whatever the thresholds remove, for the complete sources are subtracted. Fitted to the data with
-        `kept` alone, A would go to describe what was cut, which each channel sees through another beam.
+        for any thresholds, because the complete sources are subtracted. In a fit to the data with `kept`
+        alone, A would describe the removed coefficients, which each channel sees through another beam.
         """
-        # Sources of length 1, so that faint ones do not drown in rounding.
+        # Sources of unit length, so that faint ones are not lost in rounding.
         length, kept_length = (
             np.where(norm > 0, norm, 1) for norm in (np.linalg.norm(s, axis=1) for s in (sources, kept))
         )
@@ -159,7 +159,7 @@ class BlurredMixture:
 
 
 def _cross_products(by_degree, sources):
-    """Sum over m of X_l S_l^T for every l, (n_l, n_channels, n_sources), of the modes X of each l in turn."""
+    """Sum over m of X_l S_l^T for every l, (n_l, n_channels, n_sources); `by_degree` yields X of each l."""
     return np.stack([data @ source.T for data, source in zip(by_degree, blocks(sources), strict=True)])
 
 
@@ -176,9 +176,9 @@ def noise_per_mode(noise, n_channels, n_pix):
 
 
 def one_resolution_eigenvalues(modes, beams, lmax):
-    """Of the channel covariance at the resolution of the worst channel, (n_channels,) descending, mK^2.
+    """Eigenvalues of the channel covariance at the resolution of the worst channel, (n_channels,), mK^2.
 
-    `modes` are `CubeModes`, `beams` b_l, (n_channels, n_l), and both count to `lmax`.
+    In descending order. `modes` are `CubeModes`, `beams` b_l, (n_channels, n_l); both are used up to `lmax`.
     """
     mixture = BlurredMixture(modes, beams[:, : lmax + 1])
     return np.linalg.eigvalsh(mixture.at_one_resolution())[::-1] / (4 * np.pi)

@@ -1,4 +1,4 @@
-"""A cleaning: data and a method, its separation and residual, and the same with something changed."""
+"""A cleaning: data and a method, the separation and residual, and variants with one thing changed."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,18 +12,18 @@ from himap.removal.peaks import mask_peaks
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cleaning:
-    """Data cleaned by a method; separation and residual are computed when first used, once.
+    """Data cleaned by a method; separation and residual are computed once, at first use.
 
     Attributes
     ----------
     data
-        The `Data` that the foreground is subtracted from.
+            The `Data` from which the foreground is subtracted.
     method
         The `ForegroundRemover`.
     basis
-        The `Data` from which the foreground is estimated, such as those without peaks; `data` unless given.
+            The `Data` in which the foreground is estimated, such as those with masked peaks; default: `data`.
     spread
-        Of what deviation peaks stand out, a name in `himap.removal.peaks.SPREADS`, where they are masked.
+            If peaks are masked, which deviation they stand out from: a name in `himap.removal.peaks.SPREADS`.
     """
 
     data: Data
@@ -37,7 +37,7 @@ class Cleaning:
 
     @classmethod
     def of(cls, data, method, *, peaks=True, **fields):
-        """The `Cleaning` of data, with `peaks` found where these are masked (Sect. 4.1); further `fields`."""
+        """The `Cleaning` of data; with `peaks`, they are masked for the separation (Sect. 4.1)."""
         return cls(data=data, method=method, basis=without_peaks(data) if peaks else data, **fields)
 
     @cached_property
@@ -55,7 +55,7 @@ class Cleaning:
 
     @property
     def maps(self):
-        """The maps of the data, with the estimated foreground where a voxel is missing."""
+        """The maps of the data, with the estimated foreground in missing voxels."""
         if self.data.missing is None:
             return self.data.maps
         foreground, maps = self.separation.foreground, self.data.maps.copy()
@@ -66,19 +66,19 @@ class Cleaning:
 
     @property
     def flagged(self):
-        """Share of the voxels that the masking of peaks replaced."""
+        """Fraction of the voxels that peak masking replaced."""
         return 0.0 if self._keeps_peaks else float(np.mean(self.basis.maps != self.data.maps))
 
     def with_mock(self, mock):
-        """The same of the data with a mock, (n_channels, n_pix), mK, and without the peaks of both."""
+        """The same with a mock, (n_channels, n_pix), mK, added to the data; peaks of the sum are masked."""
         return self._of(self.data.with_mock(mock))
 
     def resampled(self, mock, separation=None, alms=None):
-        """The same of a member of a parametric bootstrap, whose truth is the mock (n_channels, n_pix), mK.
+        """Return a member of a parametric bootstrap, whose truth is the mock (n_channels, n_pix), mK.
 
-        The mock replaces all that the data have beyond their foreground, that of a `Separation` or as it was
-        estimated; peaks are masked again, and missing voxels remain missing. With the coefficients `alms` of
-        the mock less its means, (n_channels, n_alm) to 3 nside - 1, few maps of the member are transformed.
+        The mock replaces all that the data hold besides the foreground, that of a given `Separation` or the
+        one estimated here. Peaks are masked again; missing voxels remain missing. With coefficients `alms`
+        of the mock less its means, (n_channels, n_alm) to 3 nside - 1, few maps need a transform.
         """
         separation = self.separation if separation is None else separation
         foreground, old = separation.foreground, self.data.maps
@@ -103,7 +103,7 @@ class Cleaning:
         return self.basis.maps is self.data.maps
 
     def _of(self, data):
-        """The same of other `Data`, whose peaks are masked if those of these are."""
+        """The same with other `Data`; peaks are masked if they are masked here."""
         return self._with(data, data if self._keeps_peaks else without_peaks(data, self.spread))
 
     def _with(self, data, basis):
@@ -111,11 +111,11 @@ class Cleaning:
         return replace(self, data=data, basis=basis)
 
     def with_beams(self, beams):
-        """The same by a method that assumes the beams b_l, (n_channels, lmax + 1)."""
+        """The same with a method that assumes the beams b_l, (n_channels, lmax + 1)."""
         return replace(self, basis=replace(self.basis, beams=beams))
 
     def with_method(self, method, *, rng=None):
-        """The same by another `ForegroundRemover`, which may have a separate Generator."""
+        """The same with another `ForegroundRemover`, which may get its own Generator."""
         basis = self.basis if rng is None else replace(self.basis, seed=rng)
         return replace(self, method=method, basis=basis)
 
@@ -124,17 +124,17 @@ class Cleaning:
         return self.with_method(replace(self.method, n_sources=n_sources))
 
     def with_restart(self, restart):
-        """The same from another start of a method that is chaotic, such as `SDecGMCA`; 0 has no change."""
+        """The same with another start of a chaotic method, such as `SDecGMCA`; 0 is the unperturbed start."""
         return self.with_method(replace(self.method, restart=restart))
 
     def on(self, mask):
-        """The same of a part of a full sphere, `mask` (n_pix,) bool."""
+        """The same on a part of a full sphere, `mask` (n_pix,) bool."""
         data = self.data.on(mask)
         return self._with(data, data if self._keeps_peaks else self.basis.on(mask))
 
 
 def without_peaks(data, spread="line"):
-    """`Data` whose peaks are replaced by a smooth baseline, in the floats of the maps."""
+    """`Data` whose peaks are replaced by a smooth baseline, with the precision of the maps."""
     masked = mask_peaks(data.maps, data.freqs, spread=spread, weights=data.weights)
     double = data.maps.dtype == np.float64
     basis = replace(data, maps=np.where(masked.flagged, masked.maps, data.maps) if double else masked.maps)

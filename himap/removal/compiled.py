@@ -1,10 +1,10 @@
 """Compiled loops: medians and thresholds of sparse coefficients, and products without a copy.
 
-Medians and thresholds are half of the work of methods that use wavelets. A number is found by its rank
-through a histogram of the leading bits of all, and a search among the few that share these: the same as
-numpy's partition, and quicker, since it passes over all of them only twice. Numbers are finite.
+Medians and thresholds are half of the work of methods that use wavelets. A number of given rank is found
+from a histogram of the leading bits of all, and a search among the few that share these. The result is the
+same as from numpy's partition, and faster, as all numbers are read only twice. Numbers must be finite.
 
-All compiled functions that call each other are here: numba notices an edit of the file that a function is in.
+All compiled functions that call each other are here: numba recompiles only when their own file changes.
 """
 
 import math
@@ -15,16 +15,16 @@ from numba import njit
 NORMAL = 1.4826
 """Standard deviation of normal numbers over the median of their absolute values."""
 
-_C21_NORMAL = 1 / 0.6735  # standard deviation over median absolute deviation, to the digits of C21's code
+_C21_NORMAL = 1 / 0.6735  # standard deviation over median absolute deviation, with the digits of C21's code
 _SMALLEST = 1e-20
-_BITS = 50  # of 64 that are left out: what stays is the sign, the exponent and 2 bits of the fraction
+_BITS = 50  # of 64 that are dropped: the sign, the exponent and 2 bits of the fraction remain
 _BINS = 1 << (64 - _BITS)
 _SIGN = np.int64(-(2**63))
 
 
 @njit(cache=True)
 def ranked(values, rank):
-    """The number of this rank, 0 for the smallest, among float64 `values` (n,)."""
+    """The number of given rank, 0 for the smallest, among float64 `values` (n,)."""
     if values.itemsize != 8 or not 0 <= rank < len(values):
         raise ValueError("a rank is one among float64 numbers")
     keys = values.view(np.int64)
@@ -46,7 +46,7 @@ def ranked(values, rank):
 
 @njit(cache=True)
 def _bin(key):
-    """Leading bits of a float64, in the order of the numbers: negative ones run backwards."""
+    """Leading bits of a float64, in the order of the numbers: for negative ones the bits are reversed."""
     ordered = ~key if key < 0 else key ^ _SIGN
     return (ordered >> _BITS) & (_BINS - 1)
 
@@ -58,16 +58,16 @@ def median(values):
     upper = ranked(values, n // 2)
     if n % 2:
         return upper
-    below = values[values < upper]  # the number before it is of these, unless there is another of the same
+    below = values[values < upper]  # contains the number before `upper`, unless that is equal to `upper`
     return 0.5 * (below.max() + upper) if len(below) == n // 2 else upper
 
 
 @njit(cache=True)
 def sparse(values, n_sigma, share, level=-1.0, soft=True):
-    """Drop in place what is at or below a threshold among coefficients (n,) float64; returns the threshold.
+    """Set coefficients (n,) float64 at or below a threshold to zero in place; return the threshold.
 
-    It is the one that keeps the largest `share` of those whose absolute value is above `n_sigma` times their
-    noise, `level`, by default 1.48 times the median absolute value. If `soft`, the rest is shrunk by it.
+    It keeps the largest `share` of the coefficients whose absolute value is above `n_sigma` times their
+    noise, `level`, by default 1.48 times the median absolute value. If `soft`, the kept ones shrink by it.
     """
     sizes = np.abs(values)
     limit = n_sigma * NORMAL * median(sizes) if level < 0 else n_sigma * level
@@ -85,16 +85,16 @@ def sparse(values, n_sigma, share, level=-1.0, soft=True):
 
 @njit(cache=True)
 def deviation(scale):
-    """Standard deviation of a scale (n_pix,) by the median absolute deviation from its median."""
+    """Standard deviation of a scale (n_pix,), from the median absolute deviation from its median."""
     return _C21_NORMAL * median(np.abs(scale - median(scale)))
 
 
 @njit(cache=True)
 def shrink(scale, cut, share, least_kept, last, reweighted):
-    """Soft threshold of the coefficients of one scale (n_pix,) in place; one equal to the threshold stays.
+    """Soft-threshold one scale (n_pix,) in place; a coefficient equal to the threshold stays unchanged.
 
-    Below `cut`, k times the noise, they are noise; of the others the largest `share` stay, and at least
-    `least_kept` of all. Where `reweighted`, the threshold is divided by 1 + |last| / cut.
+    Coefficients below `cut`, k times the noise, are noise; of the others the largest `share` are kept, and at
+    least `least_kept` of all. If `reweighted`, the threshold is divided by 1 + |last| / cut.
     """
     sizes = np.abs(scale)
     threshold = cut

@@ -1,4 +1,4 @@
-"""The covariance between channels, and its principal axes."""
+"""The covariance between channels and its principal axes."""
 
 import numpy as np
 from scipy import linalg
@@ -7,15 +7,15 @@ from threadpoolctl import threadpool_limits
 from himap.core.progress import progress
 from himap.maps.low_rank import blocks
 
-_BLOCK = 16384  # pixels: products that are bound by arithmetic, so that longer ones are no slower
+_BLOCK = 16384  # pixels: products of this size are limited by arithmetic; longer ones are no faster
 _BRIGHT = 1e3  # variance over that of HI and noise
 
 
 def channel_covariance(maps):
     """X X^T / n_pix of maps less their channel means, (n_channels, n_channels) float64.
 
-    Foregrounds are 1e5 times brighter than HI, their covariance 1e10 times: float32 sums would
-    drown HI in rounding, so products are in float64, block by block, on one thread: the number of
+    Foregrounds are 1e5 times brighter than HI, their covariance 1e10 times. In float32 sums HI would be
+    lost to rounding, so products are in float64, block by block, on one thread, because the number of
     threads changes their last bits.
     """
     n_channels, n_pix = maps.shape
@@ -29,7 +29,7 @@ def channel_covariance(maps):
 
 
 def principal_axes(covariance, n_axes):
-    """Eigenvectors of the largest eigenvalues, descending, (n_channels, n_axes); signs made definite."""
+    """Eigenvectors of the largest eigenvalues, descending, (n_channels, n_axes); with definite signs."""
     n_channels = len(covariance)
     _, vectors = linalg.eigh(covariance, subset_by_index=[n_channels - n_axes, n_channels - 1])
     vectors = vectors[:, ::-1]
@@ -38,9 +38,9 @@ def principal_axes(covariance, n_axes):
 
 
 def bright_axes(covariance, *, least=1):
-    """Principal axes of what float32 cannot hold together with HI, and `least` of them in any case.
+    """Principal axes too bright for float32 to hold together with HI, and `least` of them in any case.
 
-    The rest has no axis with more than 1000 times the typical variance, the median: six digits do.
+    No other axis has more than 1000 times the typical variance, the median: six digits are enough for these.
     """
     values = np.linalg.eigvalsh(covariance)
     return principal_axes(covariance, max(least, int(np.sum(values > _BRIGHT * np.median(values)))))

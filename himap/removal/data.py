@@ -1,7 +1,7 @@
-"""What a method sees: maps, where their pixels are, what is missing of them, and what the instrument was.
+"""Input of a method: maps, the positions of their pixels, missing data, and the instrument.
 
-A mask, flags, hits, NaN and UNSEEN all become one thing here: a pixel that is not there is no column of the
-maps, and a voxel that is not there has no weight.
+Masks, flags, hits, NaN and UNSEEN are all converted to one form here: a missing pixel has no column in the
+maps, and a missing voxel has no weight.
 """
 
 import copy
@@ -27,27 +27,27 @@ class Data:
     freqs
         Channel centres, MHz, ascending, (n_channels,).
     grid
-        Which pixels these are: of a HEALPix sphere, RING, (12 nside^2,) bool; of an image in the plane,
-        (n_y, n_x) bool. None for a full sphere, or for lines of sight anywhere.
+            Positions of the pixels: on a HEALPix sphere, RING, (12 nside^2,) bool; in an image in the plane,
+            (n_y, n_x) bool. None for a full sphere, or for lines of sight at unspecified positions.
     weights
-        Hits or inverse variances, of which only ratios matter: of pixels, (n_pix,), or of voxels,
-        (n_channels, n_pix), 0 where one is missing. None where all are equal.
+            Hits or inverse variances, of which only ratios matter: for pixels, (n_pix,), or for voxels,
+            (n_channels, n_pix), 0 where a voxel is missing. None if all are equal.
     beams
         b_l, (n_channels, lmax + 1), or None.
     noise
-        Of the instrument per pixel, mK, a number or (n_channels,), or None.
+            Noise of the instrument per pixel, mK, a number or (n_channels,), or None.
     seed
-        numpy Generator, or what makes one, for methods that draw numbers; or None.
+            numpy Generator, or a seed for one, for methods that draw random numbers; or None.
     inside
-        Of maps that go on beyond what was observed (`on_sphere`): where they were, (n_pix,) bool; else None.
+            The observed pixels, (n_pix,) bool, if the maps continue beyond them (`on_sphere`); else None.
     known
-        What was computed of the maps already, such as "modes", or a function that makes it: data with
-        other beams, noise or seed share it. What depends on beams or noise is known by a `key_of`.
+            Results already computed from the maps, such as "modes", or functions that compute them. Data with
+            other beams, noise or seed share them; results that depend on these are named by `key_of`.
 
     Raises
     ------
     InputError
-        Frequencies, beams or noise that are not valid, or do not fit the maps.
+            If frequencies, beams or noise are invalid or do not fit the maps.
     """
 
     maps: np.ndarray
@@ -71,7 +71,7 @@ class Data:
 
     @classmethod
     def of(cls, maps, *, freqs, mask=None, weights=None, image=None, rng=None, label="maps", **known):
-        """The `Data` of maps as users have them.
+        """Make `Data` from maps in the form that users have.
 
         Parameters
         ----------
@@ -80,24 +80,24 @@ class Data:
         freqs
             Channel centres, MHz, ascending, (n_channels,).
         mask
-            (n_pix,) bool, True where kept; what is elsewhere may be anything. None keeps all.
+                (n_pix,) bool, True where kept; values elsewhere are ignored. None keeps all.
         weights
-            (n_pix,) or (n_channels, n_pix): a pixel without any is not kept, a voxel without any in a pixel
-            with some is missing, and may be anything.
+                (n_pix,) or (n_channels, n_pix). A pixel without any weight is dropped. In a pixel with some
+                weight, a voxel without weight is missing; its value is ignored.
         image
-            Which pixels of an image in the plane these are, row by row, (n_y, n_x) bool.
+                Positions of the pixels in an image in the plane, row by row, (n_y, n_x) bool.
         rng
             numpy Generator, for methods that draw numbers.
         label
-            What the maps are called in errors.
+                Name of the maps in error messages.
         known
             `beams` and `noise`.
 
         Raises
         ------
         InputError
-            Maps that are not finite, of one channel, or with a channel that has one value everywhere; a mask,
-            weights or an image that do not fit them.
+                If maps are not finite, have only one channel, or have a channel with one value everywhere; if
+                a mask, weights or an image do not fit the maps.
         """
         maps = real_array("maps", maps)
         n_pix = maps.shape[-1] if maps.ndim else 0
@@ -125,7 +125,7 @@ class Data:
 
     @property
     def image(self):
-        """Which pixels of an image in the plane these are, (n_y, n_x) bool, or None."""
+        """Positions of the pixels in an image in the plane, (n_y, n_x) bool, or None."""
         return self.grid if np.ndim(self.grid) == 2 else None
 
     @property
@@ -135,12 +135,12 @@ class Data:
 
     @property
     def rng(self):
-        """A numpy Generator that draws the same numbers each time it is asked for, or None."""
+        """A numpy Generator that draws the same numbers at every access, or None."""
         return None if self.seed is None else np.random.default_rng(copy.deepcopy(self.seed))
 
     @property
     def means(self):
-        """The mean of every channel, by the weights, (n_channels,) float64."""
+        """The weighted mean of every channel, (n_channels,) float64."""
         return self.get_or_compute("means", lambda: means_of(self.maps, self.weights))
 
     @property
@@ -151,7 +151,7 @@ class Data:
     def project(self, rows):
         """``rows @ centred``, (n_rows, n_channels) times (n_channels, n_pix), float64.
 
-        Without a copy of the maps where these are float32.
+        No copy of the maps is made if they are float32.
         """
         if self.maps.dtype != np.float32 or isinstance(self.known.get("centred"), np.ndarray):
             return projection(rows, self.centred)
@@ -159,36 +159,36 @@ class Data:
 
     @property
     def total(self):
-        """The maps with their means, in the floats of `centred`."""
+        """The maps with their means, with the precision of `centred`."""
         return as_float32(self.maps)
 
     @property
     def covariance(self):
-        """Of the channels, without weights, (n_channels, n_channels) float64, mK^2."""
+        """Unweighted covariance of the channels, (n_channels, n_channels) float64, mK^2."""
         return self.get_or_compute("covariance", lambda: channel_covariance(self.centred))
 
     @property
     def modes(self):
-        """The `CubeModes` of `centred`; of a part of the sphere with what is bright continued outside."""
+        """The `CubeModes` of `centred`; for a part of the sphere, bright emission continues outside of it."""
         # Imported here: most methods need no transforms, and importing these takes a second.
         from himap.removal.analysis import cube_modes
 
         return self.get_or_compute("modes", lambda: cube_modes(self.centred, self.grid, self.covariance))
 
     def get_or_compute(self, name, make):
-        """What is known of these data by a name, made by ``make()`` if it is not; kept with the data."""
+        """Return the result known under `name`, computing it with ``make()`` and keeping it if necessary."""
         value = self.known.get(name, make)
         if callable(value):
             value = self.known[name] = value()
         return value
 
     def key_of(self, method):
-        """The name by which is known what a method estimates: it depends on beams and noise too."""
+        """Name for what a method estimates from these data, which also depends on beams and noise."""
         parts = (None if one is None else np.asarray(one).tobytes() for one in (self.beams, self.noise))
         return method, *parts
 
     def on_sphere(self):
-        """The same on the full sphere, less the means: outside of `grid` what is bright goes on smoothly."""
+        """The same on the full sphere, less the means; bright emission continues smoothly outside `grid`."""
         if self.grid is None:
             return self
         from himap.removal.analysis import inpainted_maps
@@ -199,21 +199,21 @@ class Data:
         return full
 
     def with_mock(self, mock):
-        """The same with a mock (n_channels, n_pix) of HI and noise, mK, added; missing voxels stay so.
+        """The same with a mock (n_channels, n_pix) of HI and noise, mK, added; missing voxels stay missing.
 
-        The noise, where it is known, is that of both.
+        The noise, if known, is that of data and mock together.
         """
         mock = mock if self.missing is None else np.where(self.missing, np.zeros((), mock.dtype), mock)
         noise = None if self.noise is None else np.sqrt(2) * np.asarray(self.noise)
         return replace(self, maps=self.maps + mock, noise=noise)
 
     def on(self, mask):
-        """The same of the pixels that `mask`, (n_pix,) bool, keeps, of maps of a full sphere.
+        """Return the part of full-sphere maps in the pixels that `mask`, (n_pix,) bool, keeps.
 
         Raises
         ------
         InputError
-            A mask of other pixels, or that keeps none.
+                If the mask has other pixels or keeps none.
         """
         kept = checked_mask(mask, self.maps.shape[1])
         weights = None if self.weights is None else self.weights[..., kept]
@@ -221,7 +221,7 @@ class Data:
 
 
 def _refuse_dead_channels(label, maps, missing):
-    """InputError for a channel without any variation among others with some, but for voxels `missing`."""
+    """Raise InputError if a channel is constant although others vary; voxels `missing` are ignored."""
     rows = maps if missing is None else (row[~gaps] for row, gaps in zip(maps, missing, strict=True))
     varies = np.array([np.ptp(row) > 0 for row in rows])
     if varies.any() and not varies.all():
@@ -232,7 +232,7 @@ def _refuse_dead_channels(label, maps, missing):
 
 
 def checked_mask(mask, n_pix):
-    """A mask as (n_pix,) bool, True where kept; InputError for another shape or value, or nothing kept."""
+    """Return a mask as (n_pix,) bool, True where kept; InputError for a wrong shape or value, or no pixel."""
     from himap.maps.masks import mask_weights  # here: it imports healpy, which takes a second
 
     kept = mask_weights(mask, n_pix)
@@ -245,16 +245,16 @@ def checked_mask(mask, n_pix):
 
 
 def checked_weights(weights, shape, kept=None):
-    """Pixels that have weights, and weights in their simplest form, of maps of this shape.
+    """Return which pixels have weights, and the weights in their simplest form, for maps of this shape.
 
-    Of weights (n_pix,) or (n_channels, n_pix) in the pixels `kept`, (n_pix,) bool or None for all. The first
-    is (n_pix,) bool, or None where that are all; the second, 0 elsewhere, is (n_channels, n_pix); (n_pix,)
-    where all channels have the same; None where all voxels have.
+    `weights` are (n_pix,) or (n_channels, n_pix), used in the pixels `kept`, (n_pix,) bool or None for all.
+    The first result is (n_pix,) bool, or None if all pixels have weights. The second, 0 elsewhere, is
+    (n_channels, n_pix); (n_pix,) if all channels have the same weights; None if all voxels have.
 
     Raises
     ------
     InputError
-        Another shape, something that is no weight, or none at all in the maps or in a channel.
+            For another shape, invalid weights, or no weight at all in the maps or in a channel.
     """
     is_bool = np.asarray(weights).dtype == bool
     values = real_array("weights", np.asarray(weights, dtype=float) if is_bool else weights)
@@ -288,13 +288,13 @@ def checked_weights(weights, shape, kept=None):
 
 
 def missing_of(weights):
-    """Which voxels have no weight of weights as `checked_weights` gives them; None if all have some."""
+    """Return which voxels have no weight, given the result of `checked_weights`; None if all have some."""
     missing = np.equal(weights, 0) if np.ndim(weights) == 2 else None
     return missing if missing is not None and missing.any() else None
 
 
 def check_channels(weights, least, label):
-    """InputError for weights (n_channels, n_pix) that leave `label` too few channels on a line of sight."""
+    """Raise InputError if weights (n_channels, n_pix) leave `label` too few channels on a line of sight."""
     n_few = np.count_nonzero(np.count_nonzero(weights, axis=0) < least)
     if n_few:
         raise InputError(
@@ -304,7 +304,7 @@ def check_channels(weights, least, label):
 
 
 def means_of(maps, weights=None):
-    """The mean of every channel of maps (n_channels, n_pix), weighted if asked for, (n_channels,) float64."""
+    """Mean of every channel of maps (n_channels, n_pix), weighted if given weights, (n_channels,) float64."""
     if weights is None:
         return maps.mean(axis=1, dtype=np.float64)
     rows = np.broadcast_to(weights, maps.shape)

@@ -17,15 +17,15 @@ class FastICA(ForegroundRemover):
     """Independent components: the rotation of the principal components that is least Gaussian.
 
     The `n_sources` principal components U^T X, each divided by its standard deviation D^1/2, are
-    *white*: Z = D^-1/2 U^T X. Every rotation W of them is white too; FastICA (Hyvarinen 1999, with all rows
-    of W at once) chooses the one whose sources S = W Z have the largest contrast E[G(S)], a measure of
-    non-Gaussianity. The mixing matrix is A = U D^1/2 W^T.
+        *white*: Z = D^-1/2 U^T X. They remain white under every rotation W. FastICA (Hyvarinen 1999, with all
+        rows of W at once) chooses the rotation whose sources S = W Z have the largest contrast E[G(S)], a
+        measure of non-Gaussianity. The mixing matrix is A = U D^1/2 W^T.
 
-    W drops out of A S = U U^T X: **the foreground is that of PCA**, to the last bit. Only the sources differ.
+    W cancels in A S = U U^T X: **the foreground is that of PCA**, to the last bit. Only the sources differ.
 
     Mixing columns are scaled to unit length, so the sources are in mK; they come in the order of
     their variance, the largest entry of each column positive. If the maps have fewer independent
-    directions than `n_sources`, the sources beyond are zero.
+    directions than `n_sources`, the additional sources are zero.
     """
 
     name: ClassVar[str] = "fastica"
@@ -42,13 +42,13 @@ class FastICA(ForegroundRemover):
             raise InputError("fastica starts from a random rotation: pass rng=np.random.default_rng(seed).")
 
     def _separate(self, data):
-        # Imported here: every other method does without, and it takes as long as all of himap.
+        # Imported here: no other method needs it, and the import takes as long as all of himap.
         from sklearn.decomposition import fastica
         from sklearn.exceptions import ConvergenceWarning
 
         axes = principal_components(data, self.n_sources)
         scale = np.sqrt(np.mean(axes.sources**2, axis=1))
-        # Less is the rounding of float32 maps alone, spread over channels.
+        # Smaller scales are only the rounding of float32 maps, spread over channels.
         rank = np.count_nonzero(scale > scale[0] * np.finfo(np.float32).eps / np.sqrt(len(data.freqs)))
         mixing, sources = np.zeros_like(axes.mixing), np.zeros_like(axes.sources)
         n_iterations = 0
@@ -57,7 +57,7 @@ class FastICA(ForegroundRemover):
             options = {"fun": self.contrast, "max_iter": self.max_iterations, "tol": self.tolerance}
             start = {"whiten": False, "w_init": data.rng.standard_normal((rank, rank))}
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ConvergenceWarning)  # the base class warns, in our words
+                warnings.simplefilter("ignore", ConvergenceWarning)  # the base class issues its own warning
                 _, rotation, _, n_iterations = fastica(
                     white.T, **options, **start, compute_sources=False, return_n_iter=True
                 )
@@ -68,6 +68,6 @@ class FastICA(ForegroundRemover):
             low_rank=axes.foreground,
             mixing=mixing,
             sources=sources,
-            converged=n_iterations < self.max_iterations,  # else the largest number
+            converged=n_iterations < self.max_iterations,  # otherwise equal to max_iterations
             n_iterations=n_iterations,
         )

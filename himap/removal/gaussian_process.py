@@ -11,38 +11,38 @@ from himap.core.errors import InputError
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.separation import ordered
 
-_LEAST = {"float32": 1e-14, "float64": 1e-20}  # of the variance of the data: maps have no smaller
-_MOST = 1e4  # of the variance of the data: a process that is smoother than the band is wide has more than it
-_LONGEST = 100.0  # bands: longer is straight to the last digit of float32
-_MOST_STEPS = 500  # some 50 are needed
+_LEAST = {"float32": 1e-14, "float64": 1e-20}  # of the variance of the data: the smallest that maps can hold
+_MOST = 1e4  # of the variance of the data: a process smoother than the band can have more than the data
+_LONGEST = 100.0  # in bands: longer scales give straight lines to the precision of float32
+_MOST_STEPS = 500  # about 50 are needed
 _OUT_OF_STEPS = 1  # scipy's status
-_NOTHING = 1e-6  # share of a direction that is foreground below which none of it is
+_NOTHING = 1e-6  # foreground share of a direction below which it is dropped
 _N_PARAMETERS = 7  # of the kernels
-_STARTS = (1e-2, 1e-5)  # of the variance: the less smooth part of the foreground, where the search begins
+_STARTS = (1e-2, 1e-5)  # of the variance: initial values for the less smooth foreground
 
 
 @dataclass(frozen=True, kw_only=True)
 class GaussianProcess(ForegroundRemover):
     """The mean of a Gaussian process that is smooth in frequency, given the data.
 
-    Every line of sight d is a draw of one process over frequency, a sum of independent ones with covariance
+    Every line of sight d is a draw of a process over frequency, a sum of independent ones with covariance
 
         K = K_smooth + K_mix + K_HI + s^2 1,
 
-    K_smooth and K_mix squared exponentials, v exp(-x^2 / (2 L^2)) for channels x MHz apart: the foreground as
-    it was emitted, and what instruments add to it, which is less smooth; K_HI an exponential, v exp(-x / L);
-    and white noise. The foreground is (K_smooth + K_mix) K^-1 d (Mertens et al. 2018; for
-    single dishes Soares et al. 2022, whose kernels these are). No noise level is assumed: s is fitted with
-    everything else, at the maximum of the marginal likelihood of all n lines of sight,
+    where K_smooth and K_mix are squared exponentials, v exp(-x^2 / (2 L^2)) for channels x MHz apart: the
+    foreground as emitted, and the less smooth part added by instruments; K_HI is an exponential, v exp(-x /
+    L); and s^2 1 is white noise. The foreground is (K_smooth + K_mix) K^-1 d (Mertens et al. 2018; for single
+    dishes Soares et al. 2022, whose kernels these are). No noise level is assumed: s is fitted with all other
+    parameters, at the maximum of the marginal likelihood of all n lines of sight,
 
         ln L = -n/2 (ln det K + tr K^-1 C) + const,   C = d d^T / n,
 
-    by L-BFGS with the exact gradient, from three starts, of which the best end counts. It takes lines of
-    sight as independent draws, which changes how sure it is and not where its maximum is.
+    by L-BFGS with the exact gradient, from three starts, of which the best result is used. Lines of sight are
+    treated as independent draws, which changes the width of the likelihood but not its maximum.
 
     The foreground is linear in the data, so it is a mixing matrix times sources: the eigenvectors of
-    K_foreground against K_HI + s^2 1, each times its share of foreground in K, a dozen with any at all.
-    Bounds keep the four apart: no foreground is shorter than `shortest`, no HI longer than `longest_hi`.
+    K_foreground relative to K_HI + s^2 1, each times its share of foreground in K, about a dozen above zero.
+    Bounds keep the four apart: no foreground scale is below `shortest`, no HI scale above `longest_hi`.
     """
 
     name: ClassVar[str] = "gaussian_process"
@@ -64,16 +64,16 @@ class GaussianProcess(ForegroundRemover):
         best = min(runs, key=lambda run: run.fun)
         spectra, rows = smoother(best.x, data.freqs)
         mixing, sources = ordered(spectra, data.project(rows))
-        # A search that finds nothing better within rounding has arrived too, though scipy calls it abnormal.
+        # A search that cannot improve beyond rounding has converged too, though scipy calls it abnormal.
         return Separation(
             mixing=mixing, sources=sources, converged=best.status != _OUT_OF_STEPS, n_iterations=best.nit
         )
 
     def _maximised(self, freqs, covariance, least, mix, length):
-        """The most likely logarithms of the parameters, scipy's result, in units of the data's variance.
+        """Maximum-likelihood logarithms of the parameters, scipy's result, in units of the data's variance.
 
-        No variance is below `least`; `mix` and `length`, MHz, are where the variance and length of the less
-        smooth foreground start.
+        No variance is below `least`; `mix` and `length`, MHz, are the initial variance and length of the less
+        smooth foreground.
         """
         band = freqs[-1] - freqs[0]
         faint = np.clip(np.median(np.linalg.eigvalsh(covariance)), least, 1)
@@ -96,8 +96,8 @@ class GaussianProcess(ForegroundRemover):
 def kernel_terms(logs, freqs):
     """Roots of K_smooth and K_mix with their derivatives; K_HI, its derivative in ln L, and K_noise.
 
-    Of the logarithms of 7 parameters: variance and length of the smooth part, of the mix and of HI, and the
-    variance of the noise; lengths in MHz.
+    `logs` are the logarithms of 7 parameters: variance and length of the smooth part, of the mix and of HI,
+    and the variance of the noise; lengths in MHz.
     """
     place = freqs - 0.5 * (freqs[0] + freqs[-1])
     roots = [squared_exponential(place, *pair) for pair in (logs[:2], logs[2:4])]
@@ -107,11 +107,11 @@ def kernel_terms(logs, freqs):
 
 
 def cost(logs, freqs, covariance):
-    """-ln L / n but for a constant, and its gradient, (7,)."""
+    """-ln L / n without its constant, and its gradient, (7,)."""
     roots, terms = kernel_terms(logs, freqs)
     rest = terms[0] + terms[2]
     _, rows, power = _whitened(roots, rest)
-    # K^-1 = rows^T rows, and ln det K is that of its parts.
+    # K^-1 = rows^T rows, and ln det K is the sum over its factors.
     rows /= np.sqrt(1 + power)[:, None]
     known = rows @ covariance @ rows.T
     value = 0.5 * (np.linalg.slogdet(rest)[1] + np.log1p(power).sum() + np.trace(known))
@@ -126,10 +126,10 @@ def cost(logs, freqs, covariance):
 def squared_exponential(place, variance, length):
     """A root F of v exp(-(x - y)^2 / (2 L^2)) = F F^T, and its derivative with respect to ln L.
 
-    F_k(x) = sqrt(v / k!) (x / L)^k exp(-x^2 / (2 L^2)), from the series of exp(x y / L^2): each number has
-    nearly all its digits, from logarithms, since its factors may underflow. A root of the matrix itself has a
-    rounding of v in every eigenvalue, more than HI has. Of x, MHz from the middle of the band, (n_channels,),
-    and the logarithms of v, mK^2, and L, MHz.
+    F_k(x) = sqrt(v / k!) (x / L)^k exp(-x^2 / (2 L^2)), from the series of exp(x y / L^2). It is computed
+    from logarithms, since its factors may underflow, and keeps nearly all digits. A numerical root of the
+    matrix would have an error of rounding times v in every eigenvalue, more than HI. `place` is x, MHz from
+    the middle of the band, (n_channels,); `variance` and `length` are the logarithms of v, mK^2, and L.
     """
     ratio = place / np.exp(length)
     largest = np.abs(ratio).max()
@@ -140,7 +140,7 @@ def squared_exponential(place, variance, length):
 
 
 def smoother(logs, freqs):
-    """K_foreground K^-1 as spectra times rows, (n_channels, n) and (n, n_channels)."""
+    """Factor K_foreground K^-1 as spectra times rows, (n_channels, n) and (n, n_channels)."""
     roots, (hi, _, noise) = kernel_terms(logs, freqs)
     spectra, rows, power = _whitened(roots, hi + noise)
     share = power / (1 + power)
@@ -152,8 +152,8 @@ def _whitened(roots, rest):
     """Spectra, rows and powers with K_HI + noise = spectra spectra^T, rows spectra = 1, and
     K_foreground = spectra diag(power) spectra^T.
 
-    From singular values of its roots, whose errors are a rounding of the largest: those of eigenvalues would
-    be one of the largest power, which is 1e12 times that of HI.
+    Uses singular values of the roots, whose errors are rounding relative to the largest. Eigenvalues would
+    have errors relative to the largest power, which is 1e12 times that of HI.
     """
     factor, root = linalg.cholesky(rest, lower=True), np.hstack([root for root, _ in roots])
     white = linalg.solve_triangular(factor, root, lower=True)

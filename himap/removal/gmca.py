@@ -15,34 +15,34 @@ from himap.removal.covariance import bright_axes, channel_covariance, principal_
 from himap.removal.harmonic import safe_inverse
 from himap.removal.separation import ordered
 
-_RANK = 1e-12  # directions of S S^T below this share of the largest are rounding
+_RANK = 1e-12  # directions of S S^T below this share of the largest are rounding errors
 
 
 @dataclass(frozen=True, kw_only=True)
 class GMCA(ForegroundRemover):
     """Sources that are sparse in starlets (Bobin et al. 2007; Carucci et al. 2020).
 
-    Minimises ``sum_i lambda_i |S_i^wt|_1 + |X^wt - A S^wt|^2`` (Eq. 17), wt being the starlet detail scales,
-    in turns: S = A^+ X with its coefficients below the thresholds lambda dropped, then
-    A = X^wt S^T (S S^T)^-1 with columns of unit length. A starts from PCA. The thresholds fall while the
+    Minimises ``sum_i lambda_i |S_i^wt|_1 + |X^wt - A S^wt|^2`` (Eq. 17), with wt the starlet detail scales,
+    by alternating two steps: S = A^+ X with coefficients below the thresholds lambda set to 0, then
+    A = X^wt S^T (S S^T)^-1 with columns of unit length. A starts from PCA. The thresholds decrease while the
     sources take shape: the share of coefficients kept, among those above `n_sigma` times the noise, grows
     evenly to all of them in `n_falling` iterations. The noise of a source in a scale is 1.48 times its
-    median absolute coefficient. It stops when the foreground moves, from one iteration to the next, by less
-    than `tolerance` times the rms of the residual. (A itself drifts on: its columns become nearly parallel.)
+    median absolute coefficient. The iteration stops when the change of the foreground is less than
+    `tolerance` times the rms of the residual. (A itself keeps drifting: its columns become nearly parallel.)
 
-    At the end S = A^+ X with no threshold, so that the foreground A S depends on the space that the
-    columns of A span and on nothing else. The smooth scale has no part in A: its few large structures are
-    not sparse and too few to separate sources. There is no randomness; `rng` is not used.
+    Finally S = A^+ X without thresholds, so that the foreground A S depends only on the space that the
+    columns of A span. The smooth scale is not used for A: its few large structures are not sparse and too
+    few to separate sources. There is no randomness; `rng` is not used.
 
     The cube is never transformed. X^wt = X Phi^T with Phi linear, so A^+ X^wt = Phi(A^+ X), and
-    X^wt S^T = X (Phi^T S)^T: an iteration transforms `n_sources` maps and passes over the cube twice.
+    X^wt S^T = X (Phi^T S)^T: one iteration transforms `n_sources` maps and reads the cube twice.
 
-    Pixels must be a full HEALPix sphere, or of an image in the plane: there starlets are the B-spline
-    wavelets of Starck et al. (2007), made of the seen pixels alone (`himap.maps.starlets`). Those that
-    are not seen, and what lies beyond the border, have no part in A and in the thresholds. Of a masked
-    sphere all pixels count: bright foreground goes on smoothly outside of the mask (`himap.maps.inpaint`).
+    Pixels must be a full HEALPix sphere, or those of an image in the plane. In an image, starlets are the
+    B-spline wavelets of Starck et al. (2007), computed from observed pixels only (`himap.maps.starlets`);
+    unobserved pixels and the area beyond the border do not enter A or the thresholds. On a masked sphere
+    all pixels count: bright foreground continues smoothly outside of the mask (`himap.maps.inpaint`).
 
-    Sources are in mK (columns of A of unit length), by variance.
+    Sources are in mK (columns of A of unit length), ordered by variance.
     """
 
     name: ClassVar[str] = "gmca"
@@ -67,10 +67,10 @@ class GMCA(ForegroundRemover):
         )
 
     def iterate(self, maps, image=None, covariance=None):
-        """The iterations one by one: a `Step` after each, on maps less their channel means.
+        """Yield a `Step` after each iteration, on maps less their channel means.
 
         `image` is as in `Data`, for pixels of an image in the plane; `covariance` is the `channel_covariance`
-        of the maps, where it is known.
+        of the maps, if it is known.
         """
         if image is None:
             starlets = SphereDetails(self.n_scales, sphere.nside_of(maps))
@@ -95,9 +95,9 @@ class GMCA(ForegroundRemover):
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """Where GMCA is after `n_iterations`: its A, (n_channels, n_sources), and the thresholds that led there.
+    """State of GMCA after `n_iterations`: A, (n_channels, n_sources), and the thresholds of that iteration.
 
-    `thresholds` are (n_scales, n_sources), in the unit of the sources, mK; `converged` on the last one only.
+    `thresholds` are (n_scales, n_sources), mK, as the sources; `converged` can be True only in the last step.
     """
 
     n_iterations: int
@@ -107,10 +107,10 @@ class Step:
 
 
 def _updated(mixing, cube, sources, starlets):
-    """X^wt S^T (S S^T)^-1 for sparse coefficients S (n_scales, n_sources, n_pix), columns of unit length."""
+    """X^wt S^T (S S^T)^-1 of sparse coefficients S (n_scales, n_sources, n_pix), columns of unit length."""
     gram = np.einsum("jmp,jnp->mn", sources, sources)
     length = np.sqrt(np.diag(gram))
-    alive = length > 0  # a source without coefficients keeps its column
+    alive = length > 0  # a source without nonzero coefficients keeps its column
     length = length[alive]
     cross = cube.correlation(starlets.details_adjoint(sources)[alive]) / length
     gram = gram[np.ix_(alive, alive)] / np.outer(length, length)
@@ -121,9 +121,9 @@ def _updated(mixing, cube, sources, starlets):
 
 
 def _settled(before, after, covariance, tolerance):
-    """Whether the foregrounds of two A differ by less than `tolerance` times the residual, or than rounding.
+    """Whether the foregrounds of two A differ by less than `tolerance` times the residual, or by rounding.
 
-    Both are rms values over the maps, tr(D C D)^(1/2): C is their covariance, D a difference of projections.
+    Both are rms over the maps, tr(D C D)^(1/2), with C their covariance and D a difference of projections.
     """
     old, new = (axes @ axes.T for axes in (np.linalg.qr(mixing)[0] for mixing in (before, after)))
     change, residual = (np.sum(p @ covariance * p) for p in (new - old, np.eye(len(new)) - new))
@@ -134,14 +134,14 @@ def _settled(before, after, covariance, tolerance):
 class SphereDetails:
     """Starlet detail scales of HEALPix maps.
 
-    As `himap.maps.starlets.starlets`, but with plain quadrature, which is less exact (by 1 % of white
-    noise on HEALPix) and easy to transpose; being linear it leaves a mixture X = A S as it is.
+    Like `himap.maps.starlets.starlets`, but with plain quadrature, which is less exact (by 1 % of white
+    noise on HEALPix) and easy to transpose. As it is linear, a mixture X = A S remains a mixture.
     """
 
     def __init__(self, n_scales, nside):
         self._n_scales, self._nside = n_scales, nside
         bands = bands_of(starlet_filters(n_scales, 3 * nside - 1)[1:])
-        widest = bands[0][0]  # every scale but the finest, among the coefficients of the widest of them
+        widest = bands[0][0]  # indices of every scale but the finest within the widest of these
         self._bands = [(keep[widest], band) for keep, band in bands]
         self._n_alm = len(self._bands[0][0])
 

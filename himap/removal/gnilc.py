@@ -22,42 +22,42 @@ from himap.removal.separation import ordered
 
 _BRIGHT = 9.0  # times the median of the variances: foreground, not HI and noise alone
 _ORDER = 3  # of the polynomial in frequency through the logarithm of a variance
-_FEWEST = 8  # channels: of fewer, the median has foreground
-_FAINT = 1e-3  # of the largest weight: pixels below it do not feel a region
-_SEEN = 0.5  # share of a region from which it has a filter of its own
-_ROUNDING = 1e-14  # of the variance of the data: a prior below that is of float32 maps without HI and noise
+_FEWEST = 8  # channels: with fewer, the median includes foreground
+_FAINT = 1e-3  # of the largest weight: pixels below it are outside of a region
+_SEEN = 0.5  # observed share of a region from which it has its own filter
+_ROUNDING = 1e-14  # of the variance of the data: a prior below it is of float32 maps without HI and noise
 
 
 @dataclass(frozen=True, kw_only=True)
 class GNILC(ForegroundRemover):
-    """Needlet by needlet, the axes in which the data have more than HI and noise are removed.
+    """Remove, needlet by needlet, the axes in which the data have more than HI and noise.
 
-    Maps are cut into needlets, windows h_j(l) with sum_j h_j^2 = 1 (`cosine_needlets`). In each of them the
-    covariance R of the channels is held against Q, that expected of HI and noise: where there is no
-    foreground the eigenvalues mu of R~ = Q^-1/2 R Q^-1/2 are near 1. The number m of those that have some is
-    the one with the least
+    Maps are split into needlets, windows h_j(l) with sum_j h_j^2 = 1 (`cosine_needlets`). In each needlet the
+    covariance R of the channels is compared with Q, that expected of HI and noise: without foreground the
+    eigenvalues mu of R~ = Q^-1/2 R Q^-1/2 are near 1. The number m of eigenvalues with foreground is the one
+    that minimises
 
         2 m + sum_{i > m} (mu_i - ln mu_i - 1)
 
-    (Akaike 1974). With U the other eigenvectors and S = Q^1/2 U, HI and noise are
-    S (S^T R^-1 S)^-1 S^T R^-1 x, x being the data in that needlet, which goes back through h_j (Remazeilles
-    et al. 2011; for HI Olivari et al. 2016). As U are eigenvectors of R~, this is Q^1/2 U U^T Q^-1/2 x, and
-    the foreground is the same of the first m eigenvectors: a mixing matrix times sources in each needlet, and
-    in all of them some dozens of spectra. What transforms cannot hold, beyond the last l, is filtered as the
-    last needlet.
+    (Akaike 1974). With U the other eigenvectors and S = Q^1/2 U, HI and noise are estimated as
+    S (S^T R^-1 S)^-1 S^T R^-1 x, where x are the data in that needlet; the result is filtered with h_j again
+    (Remazeilles et al. 2011; for HI Olivari et al. 2016). As U are eigenvectors of R~, this is
+    Q^1/2 U U^T Q^-1/2 x, and the foreground is the same with the first m eigenvectors: a mixing matrix times
+    sources in each needlet, and some dozens of spectra in total. Modes beyond the last l, which transforms
+    cannot represent, are filtered like the last needlet.
 
-    The paper has R around each pixel, from a region with so many modes that channels over modes, the
-    bias of an internal linear combination, is small. That is the parameter `bias`; a needlet that has not
-    as many modes on the full sky has one R, as all have with a bias of 0. With a hundred channels only
-    the finest have regions, and their filters (`local_difference`) cost much more than the rest. For the
-    same reason the first needlet needs many more modes than there are channels: with hundreds of channels
-    a `first_peak` of 20 is too small, and removes HI at the lowest l. Beyond the last l the filter is that
-    of the full sky. Not as published is that an axis with *less* power than expected never counts as
-    foreground: in the published sum, many that are far too faint would.
+    The paper estimates R around each pixel, from a region with so many modes that channels over modes, the
+    bias of an internal linear combination, is small. This is the parameter `bias`; a needlet with fewer modes
+    on the full sky has one R, as all have with a bias of 0. With a hundred channels only the finest needlets
+    have regions, and their filters (`local_difference`) cost much more than the rest. For the same reason the
+    first needlet needs many more modes than there are channels: with hundreds of channels a `first_peak` of
+    20 is too small, and removes HI at the lowest l. Beyond the last l the filter is that of the full sky.
+    Unlike in the publication, an axis with *less* power than expected never counts as foreground: in the
+    published sum, many far too faint axes would.
 
-    Q should be that of a mock of HI and noise through the instrument, the `prior`, made `stationary`, for one
-    mock has few modes. Without it Q has its shape from theory and its level from the data
-    (`expected_covariance`), as a method is not to know the simulations; that takes eight channels or more.
+    Q should come from a mock of HI and noise through the instrument, the `prior`, made `stationary`, because
+    one mock has few modes. Without it, Q has its shape from theory and its level from the data
+    (`expected_covariance`), as a method should not know the simulations; this needs eight channels or more.
     """
 
     name: ClassVar[str] = "gnilc"
@@ -79,7 +79,7 @@ class GNILC(ForegroundRemover):
         return _FEWEST if self.prior is None else 1
 
     def digest(self):
-        """A hash of the mock."""
+        """A hash of the file with the mock."""
         return "" if self.prior is None else sha256(Path(self.prior).read_bytes()).hexdigest()
 
     def _separate(self, data):
@@ -92,7 +92,7 @@ class GNILC(ForegroundRemover):
         windows, degrees = cosine_needlets(peaks, lmax), harmonic.degrees(lmax)
         mock = None if self.prior is None else mock_modes(self.prior, maps.shape)
         inside = np.ones(maps.shape[1], dtype=bool) if data.inside is None else data.inside
-        seen = inside.mean()  # outside there is no HI, so that the whole sphere has less
+        seen = inside.mean()  # there is no HI outside, so the full sphere has less
         spectra, sources, local = [], [], 0
         for peak, window in zip(peaks, progress(windows, self.name), strict=True):
             last = int(np.flatnonzero(window).max())
@@ -111,7 +111,7 @@ class GNILC(ForegroundRemover):
                 more = local_difference(needlet, prior / seen, (columns, rows), width, inside)
                 alms = sphere.analyse(more, n_iter=sphere.N_ITER_FLAT)
                 local = local + alms * window[sphere.alm_degree(lmax)].astype(np.float32)
-        # Beyond the last l: what is in the maps less what is in their modes.
+        # Beyond the last l: the maps less what their modes represent.
         sources[-1] += projection(rows, maps) - harmonic.synthesise(modes.along(rows, lmax), nside)
         if np.ndim(local):
             spectra.append(np.eye(len(maps)))
@@ -121,9 +121,9 @@ class GNILC(ForegroundRemover):
 
 
 def foreground_filter(covariance, prior):
-    """What projects on the foreground, as spectra times rows, (n_channels, m) and (m, n_channels).
+    """Projection on the foreground as spectra times rows, (n_channels, m) and (m, n_channels).
 
-    From R of the data and Q of HI and noise, (n_channels, n_channels), mK^2.
+    `covariance` is R of the data, `prior` Q of HI and noise, (n_channels, n_channels), mK^2.
     """
     n_channels = len(prior)
     least = _ROUNDING * np.trace(covariance) / n_channels
@@ -135,7 +135,7 @@ def foreground_filter(covariance, prior):
 
 
 def n_foreground(values):
-    """How many of the eigenvalues of R~, descending, have foreground in them."""
+    """Number of eigenvalues of R~, in descending order, that include foreground."""
     values = np.maximum(values, 1)
     unexplained = values - np.log(values) - 1
     beyond = np.append(np.cumsum(unexplained[::-1])[::-1], 0)
@@ -143,21 +143,21 @@ def n_foreground(values):
 
 
 def local_difference(maps, prior, everywhere, width, inside):
-    """What filters of regions remove more than the filter of the sky, (n_channels, n_pix) float32.
+    """What regional filters remove in addition to the full-sky filter, (n_channels, n_pix) float32.
 
     A region has the weight exp(-d^2 / (2 width^2)) at an angle d from its centre. Centres are HEALPix pixels
-    no further apart than `width`; between them the results of their filters are averaged with the squares of
-    those weights. A covariance is that of cells of half that size, each with its weight. Where most of a
-    region is not seen, the filter of the sky remains.
+    at most `width` apart; between them the results of their filters are averaged with the squares of those
+    weights. Covariances are sums over cells of half that size, each with its weight. Where most of a region
+    is unobserved, the full-sky filter remains.
 
-    Of maps, (n_channels, n_pix) float64, with Q of HI and noise, `prior`, and the `foreground_filter` of all
-    pixels; `width` in rad; `inside` the pixels that are seen, (n_pix,) bool.
+    `maps` are (n_channels, n_pix) float64, `prior` is Q of HI and noise, `everywhere` the `foreground_filter`
+    of all pixels, `width` in rad, `inside` the observed pixels, (n_pix,) bool.
     """
     nside = sphere.nside_of(maps)
     coarse = 2 ** max(0, int(np.ceil(np.log2(np.sqrt(np.pi / 3) / width))))
     fine = min(2 * coarse, nside)
     order = sphere.nest_to_ring(nside).reshape(12 * fine**2, -1)
-    parts = [cell[inside[cell]] for cell in order]  # what is seen of each cell
+    parts = [cell[inside[cell]] for cell in order]  # observed pixels of each cell
     products = np.array([maps[:, part] @ maps[:, part].T for part in parts])
     n_seen, n_all = np.array([len(part) for part in parts]), order.shape[1]
     cells = sphere.pixel_vectors(fine, nest=True)
@@ -177,21 +177,21 @@ def local_difference(maps, prior, everywhere, width, inside):
         spectra, rows = foreground_filter(covariance, prior)
         share = weight(places, centre) ** 2 / total
         near = share > _FAINT * share.max()
-        # Differences alone: a share that they lack is one of HI, and not of the foreground.
+        # Only differences are averaged: if weights do not sum to 1, this affects HI but not the foreground.
         both = np.hstack([spectra, -everywhere[0]]), np.vstack([rows, everywhere[1]])
         more[:, near] += share[near] * (both[0] @ (both[1] @ maps[:, near]))
     return more
 
 
 def mock_modes(path, shape):
-    """Real modes of HI and noise as the instrument sees them, (n_channels, 9 nside^2) float32.
+    """Real modes of HI and noise as observed by the instrument, (n_channels, 9 nside^2) float32.
 
-    Of a .npy file of maps, (n_channels, n_pix), mK; `shape` is that of the maps that are cleaned.
+    Read from a .npy file of maps, (n_channels, n_pix), mK; `shape` is that of the maps to be cleaned.
 
     Raises
     ------
     InputError
-        There is no such file, it is no array, or not one of finite numbers of that shape.
+            If there is no such file, or it is not an array of finite numbers of that shape.
     """
     maps = checked_cube("the mock of prior", mapped_array(path), min_channels=2)
     if maps.shape != shape:
@@ -208,7 +208,7 @@ def mock_modes(path, shape):
 def band_covariance(modes, window):
     """Covariance between channels of maps through a window h_l, (n_channels, n_channels) float64, mK^2.
 
-    Of real modes, (n_channels, (lmax + 1)^2); h_l may go beyond that lmax.
+    `modes` are real modes, (n_channels, (lmax + 1)^2); h_l may extend beyond that lmax.
     """
     total = np.zeros((len(modes), len(modes)))
     for weight, block in zip(window, harmonic.blocks(modes), strict=False):
@@ -219,11 +219,11 @@ def band_covariance(modes, window):
 
 
 def stationary(covariance):
-    """The nearest of the form s_a s_b rho(a - b): what a few modes determine of a smooth covariance.
+    """The nearest covariance s_a s_b rho(a - b): what a few modes determine of a smooth covariance.
 
-    ln s^2 is a cubic in frequency, rho the mean along each diagonal, less far off it by the share of channels
-    that are so far apart: so it is the autocorrelation of a series, which has no negative power. Channels are
-    assumed to be evenly spaced.
+    ln s^2 is a cubic in frequency. rho is the mean along each diagonal, reduced far from the main one by the
+    share of channels that are so far apart: it is then the autocorrelation of a series, which has no negative
+    power. Channels are assumed to be evenly spaced.
     """
     deviation = np.sqrt(_smoothed(np.diag(covariance)))
     correlation = covariance / np.outer(deviation, deviation)
@@ -232,18 +232,18 @@ def stationary(covariance):
 
 
 def expected_covariance(covariance, freqs, degree):
-    """A covariance of HI without a mock: its shape from theory, its level from the data, mK^2.
+    """Covariance of HI without a mock: its shape from theory, its level from the data, mK^2.
 
-    Of matter with P(k) ~ k^-2 the correlation between two distances r < r' at multipole l is
-    exp(-l (r' - r) / r): in redshift, which is distance here, (z / z')^l. The variance by channel is a smooth
-    curve through what `covariance`, that of the data, has off the axes where foreground stands out.
+    For matter with P(k) ~ k^-2 the correlation between two distances r < r' at multipole l is
+    exp(-l (r' - r) / r): in redshift, used as distance here, (z / z')^l. The variance by channel is a smooth
+    curve through that of `covariance` in directions without strong foreground.
 
-    Of the covariance of the data, (n_channels, n_channels), at `freqs`, MHz, and l, `degree`.
+    `covariance` is that of the data, (n_channels, n_channels), at `freqs`, MHz, and l, `degree`.
 
     Raises
     ------
     InputError
-        A frequency at or above that of the line, which no HI in the Hubble flow has.
+            If a frequency is at or above that of the line, where HI in the Hubble flow cannot be.
     """
     if freqs[-1] >= FREQ_21CM:
         raise InputError(
@@ -255,7 +255,7 @@ def expected_covariance(covariance, freqs, degree):
     values, axes = np.linalg.eigh(covariance)
     kept = values <= _BRIGHT * np.median(values)
     faint = axes[:, kept]
-    # Not from `covariance`, which has the rounding of the brightest.
+    # Not from `covariance`, which has the rounding errors of the brightest axis.
     level = faint**2 @ np.maximum(values[kept], 0)
     share = np.sum((faint @ (faint.T @ shape @ faint)) * faint, axis=1)
     deviation = np.sqrt(_smoothed(level / share))
@@ -263,7 +263,7 @@ def expected_covariance(covariance, freqs, degree):
 
 
 def _smoothed(variance):
-    """A cubic through the logarithms."""
+    """A cubic through the logarithms of `variance`, exponentiated."""
     place = np.linspace(-1, 1, len(variance))
     order = min(_ORDER, len(variance) - 1)
     floor = np.finfo(float).tiny

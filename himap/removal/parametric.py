@@ -15,9 +15,9 @@ from himap.removal.base import ForegroundRemover, Separation, parameter
 FIXED_INDEX = -2.13
 """Spectral index of the first term, free-free emission (Bennett et al. 1992)."""
 
-_BLOCK = 4096  # pixels at a time: the float64 copies of a block stay small
+_BLOCK = 4096  # pixels per block, to keep its float64 copies small
 _N_PARAMETERS = 3  # a1, a2 and beta
-_RANK = 1e-13  # directions of q2(beta) below this share of the largest are rounding
+_RANK = 1e-13  # directions of q2(beta) below this share of the largest are rounding errors
 _DEGREE = 31  # of the Chebyshev series in beta; exact to rounding for any band and indices the fields allow
 _N_GRID = 65  # starting values of beta
 _MAX_STEPS = 60  # bisection alone needs 45
@@ -29,18 +29,18 @@ _value = partial(chebyshev.chebval, tensor=False)  # of series (degree + 1, n), 
 class Parametric(ForegroundRemover):
     """Two power laws in frequency, fitted to each line of sight.
 
-    T(nu) = a1 (nu / nu0)^-2.13 + a2 (nu / nu0)^beta (Eq. 19), least squares in mK, all channels with the same
-    weight unless voxels have their weights: the paper names none. Those of pixels change
-    nothing. The amplitudes are linear and of either sign, so for a given beta they follow at once, and what
-    remains is the best beta alone (variable projection, Golub & Pereyra 1973). beta is bounded,
-    because the two terms are one at beta = -2.13, where the amplitudes diverge. The default range holds every
-    synchrotron index that is plausible: electrons of energy index p = 2 to 3 give -2.5 to -3, energy losses
-    and the steepest sources up to one more, and -2.2 is flatter than any mixture of them.
+        T(nu) = a1 (nu / nu0)^-2.13 + a2 (nu / nu0)^beta (Eq. 19), fitted by least squares in mK. All channels
+        have the same weight, as the paper gives none, unless voxels have weights; weights of pixels change
+        nothing. The amplitudes are linear and may have either sign, so for a given beta they follow directly,
+        and only beta remains to be optimised (variable projection, Golub & Pereyra 1973). beta is bounded,
+        because the two terms coincide at beta = -2.13, where the amplitudes diverge. The default range
+        includes every plausible synchrotron index: electrons of energy index p = 2 to 3 give -2.5 to -3,
+        energy losses and the steepest sources up to one more, and -2.2 is flatter than any mixture of them.
 
-    A line of sight whose best beta is a bound, or that used up its steps, is in `Separation.flagged`. Only
-    the second is a failure of the search, and makes the result not converged; the first says that the sky is
-    not the model, and the fit is still the best within the bounds. The sources are a1 and a2 in mK, and beta;
-    the mixing matrix has the derivatives of the model with respect to them, at the sky's median parameters.
+    A line of sight whose best beta is a bound, or that used all its steps, is in `Separation.flagged`. Only
+    the second is a failed search, which makes the result not converged. The first says that the model does
+    not describe the sky; the fit is still the best within the bounds. The sources are a1 and a2 in mK, and
+    beta; the mixing matrix has the derivatives of the model in these, at the sky's median parameters.
     """
 
     name: ClassVar[str] = "parametric"
@@ -85,7 +85,7 @@ class Parametric(ForegroundRemover):
         n_steps, converged = zip(*in_threads(fit, n_pix, "parametric", _BLOCK), strict=True)
         return Separation(
             low_rank=LowRankCube(spectra=model.spectra, maps=fits),
-            means=np.zeros(len(maps)),  # power laws need the total brightness
+            means=np.zeros(len(maps)),  # power laws describe the total brightness
             mixing=model.derivatives(*np.median(sources, axis=1)),
             sources=sources,
             converged=all(converged),
@@ -95,13 +95,13 @@ class Parametric(ForegroundRemover):
 
 
 class _TwoPowerLaws:
-    """The model over the channels, in an orthonormal basis that holds for every beta.
+    """The model over the channels, in an orthonormal basis that is valid for every beta.
 
     At a given beta the model spans two directions: q1, the unit vector along x^-2.13, and q2(beta), the unit
-    vector along what x^beta adds to it. It comes from (x^beta - x^-2.13) / (beta + 2.13), written with
-    exprel, which loses no digits where the power laws meet. q2 is smooth in beta: a short Chebyshev series,
-    in t from -1 to 1 over the range of beta, holds it to rounding. `spectra` are orthonormal and hold every
-    model, q1 first, (n_channels, n_spectra).
+    vector along what x^beta adds to it. It is computed from (x^beta - x^-2.13) / (beta + 2.13), written with
+    exprel, which loses no digits where the power laws coincide. q2 is smooth in beta: a short Chebyshev
+    series in t, from -1 to 1 over the range of beta, represents it to rounding. `spectra` are orthonormal and
+    span every model, q1 first, (n_channels, n_spectra).
     """
 
     def __init__(self, x, beta_min, beta_max):
@@ -112,7 +112,7 @@ class _TwoPowerLaws:
         self.q1 = first / self.norm
         table = chebyshev.chebinterpolate(np.vectorize(self._table, signature="()->(n)"), _DEGREE)
         self.q2, self.overlap, self.inverse_norm = table[:, :-2], table[:, -2], table[:, -1]
-        # All q2 that there are lie in a few directions, to the rounding of the series.
+        # All possible q2 lie in a few directions, to the rounding of the series.
         _, size, axes = np.linalg.svd(self.q2, full_matrices=False)
         axes = axes[size > _RANK * size[0]]
         self.spectra = np.stack([self.q1, *axes], axis=1)
@@ -128,11 +128,11 @@ class _TwoPowerLaws:
         return np.concatenate([second / norm, [overlap / norm, 1 / norm]])
 
     def series(self, lines, weights):
-        """Chebyshev series of the coefficient of every line of sight along q2(beta), (degree + 1, n_pix).
+        """Chebyshev series of each line's coefficient along q2(beta), (degree + 1, n_pix).
 
-        Along the unit vector that q2(beta) adds to q1 in sum w x y: the weighted squares of the residual are
-        least where the square of this is largest. Lines, (n_channels, n_pix) float64, are finite; weights are
-        of that shape, or (n_channels, 1).
+        q2 is orthogonal to q1 in the sum over w x y. The weighted squares of the residual are least where the
+        square of this coefficient is largest. Lines, (n_channels, n_pix) float64, are finite; weights have
+        that shape, or (n_channels, 1).
         """
         nodes = chebyshev.chebvander(chebyshev.chebpts1(_DEGREE + 1), _DEGREE)
         second = nodes @ self.q2
@@ -142,7 +142,7 @@ class _TwoPowerLaws:
         return np.linalg.solve(nodes, heights)
 
     def fit(self, lines, weights, t):
-        """The fit at the t, (n_pix,), along `spectra`, (n_spectra, n_pix), and a1, a2, beta, (3, n_pix)."""
+        """Fit at t, (n_pix,): coefficients of `spectra`, (n_spectra, n_pix), and a1, a2, beta, (3, n_pix)."""
         powers = chebyshev.chebvander(t, _DEGREE).T
         second = self.q2.T @ powers
         norm = self.q1**2 @ weights
@@ -163,11 +163,11 @@ class _TwoPowerLaws:
 
 
 def _highest(series):
-    """Place of the largest |value| in [-1, 1] of Chebyshev series, (degree + 1, n_pix).
+    """Position of the largest absolute value in [-1, 1] of Chebyshev series, (degree + 1, n_pix).
 
-    A grid finds the highest peak; Newton steps on the derivative, replaced by bisection wherever they leave
-    the bracket, polish it. Returned are the places, which of them are a bound, and where the search
-    converged, (n_pix,) each; and its steps.
+    A grid finds the highest peak, and Newton steps on the derivative refine it, with bisection whenever they
+    leave the bracket. Returns the positions, whether each is a bound, and whether the search converged,
+    (n_pix,) each, and the number of steps.
     """
     grid = np.linspace(-1, 1, _N_GRID)
     values = chebyshev.chebvander(grid, _DEGREE) @ series

@@ -15,7 +15,7 @@ class PCA(ForegroundRemover):
     C = X X^T / n_pix = U D U^T (Eq. 15); the columns of U with the largest eigenvalues are the
     mixing matrix A, the sources are S = A^T X, the foreground is A S.
 
-    With weights A S has the least weighted squares of what it leaves, and missing voxels are filled by it
+    With weights, A S minimises the weighted squares of the residual, and fills missing voxels
     (`himap.removal.weighted_pca.weighted_components`).
     """
 
@@ -34,6 +34,6 @@ class PCA(ForegroundRemover):
 
 
 def principal_components(data, n_sources):
-    """The `Separation` of PCA: `n_sources` principal components of `Data` without weights."""
+    """The `Separation` of PCA: the first `n_sources` principal components of `Data` without weights."""
     mixing = principal_axes(data.covariance, n_sources)
     return Separation(mixing=mixing, sources=data.project(mixing.T))

@@ -1,8 +1,8 @@
-"""Peaks masked before any method runs: a smooth baseline, outliers clipped, the baseline again.
+"""Peak masking before a method runs: fit a smooth baseline, clip outliers, fit the baseline again.
 
-A bright HI source pulls a smooth fit towards itself. The baseline of every line of sight is therefore
-fitted twice, the second time without the channels that stand out from the first (paper, Sects. 3.2.1
-and 4.1, App. B). The masked maps serve to find the foreground; it is subtracted from the original ones.
+A bright HI source biases a smooth fit. The baseline of every line of sight is therefore fitted twice, the
+second time without the channels that stand out from the first fit (paper, Sects. 3.2.1 and 4.1, App. B).
+The foreground is estimated from the masked maps and subtracted from the original ones.
 """
 
 import numbers
@@ -24,7 +24,7 @@ SPREADS = {
     "cube": "of the cube",
     "mad": "of the line of sight, by its median absolute deviation",
 }
-"""Whose standard deviation a peak is measured in, which the paper does not say."""
+"""Choices of the standard deviation in which peaks are measured; the paper does not say which."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class Baselines:
     basis
         Polynomials in frequency, orthonormal over the channels, (n_channels, order + 1).
     first, second
-        The fits to all channels, and without those `flagged`, (order + 1, n_pix), mK.
+            The fits to all channels, and to those not `flagged`, (order + 1, n_pix), mK.
     flagged
         Channels that stand out from the first fit, (n_channels, n_pix) bool.
     """
@@ -54,9 +54,9 @@ class PeakMasked:
     Attributes
     ----------
     maps
-        The maps, with the second baseline in place of what is flagged, (n_channels, n_pix) float32, mK.
+            The maps, with flagged voxels replaced by the second baseline, (n_channels, n_pix) float32, mK.
     flagged
-        What was replaced, (n_channels, n_pix) bool.
+            The replaced voxels, (n_channels, n_pix) bool.
     """
 
     maps: np.ndarray
@@ -66,7 +66,7 @@ class PeakMasked:
 def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weights=None):
     """Replace peaks along each line of sight by a smooth baseline (paper, Sect. 4.1, App. B).
 
-    A `PeakMasked`; parameters and errors are those of `smooth_baselines`, and `maps` does not change.
+    Returns `PeakMasked`; parameters and errors are those of `smooth_baselines`, and `maps` does not change.
     """
     baselines = smooth_baselines(maps, freqs, order=order, n_sigma=n_sigma, spread=spread, weights=weights)
     smooth = np.array(maps, dtype=np.float32)
@@ -76,13 +76,13 @@ def mask_peaks(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weights=None
 
 
 def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weights=None):
-    """Fit a polynomial in frequency to each line of sight, clip, and fit again what was clipped (Eq. 18).
+    """Fit a polynomial in frequency to each line of sight, clip, and fit clipped lines again (Eq. 18).
 
-    A channel is flagged where it is further than `n_sigma` standard deviations, above or below, from the
-    first fit. By default the deviation is that of this line of sight over all its channels, peaks included,
-    once the fit is subtracted. Fewer than 1 / n_sigma^2 of the channels can be that far out, so that few
-    channels never show a peak (`can_stand_out`), and no sine ever does. Lines of sight without a
-    flag, and those with too few channels without one for another fit, keep the first.
+    A channel is flagged if it is more than `n_sigma` standard deviations above or below the first fit. By
+    default this is the standard deviation of the residual of the line of sight over all its channels, peaks
+    included. Fewer than 1 / n_sigma^2 of the channels can be that far out, so with few channels no peak is
+    ever flagged (`can_stand_out`), and a sine never is. Lines of sight without flags, and those with too few
+    unflagged channels for another fit, keep the first.
 
     Parameters
     ----------
@@ -95,10 +95,10 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
     n_sigma
         Threshold in standard deviations.
     spread
-        Whose deviation that is, a name in `SPREADS`.
+            Which standard deviation, a name in `SPREADS`.
     weights
-        (n_channels, n_pix), 0 where a voxel is missing, and that is finite. Fits and deviation are weighted,
-        and a channel stands out by sqrt(w) times its distance. Weights of pixels, (n_pix,), change nothing.
+            (n_channels, n_pix), finite, 0 in missing voxels. Fits and deviation are weighted, and a channel
+            stands out by sqrt(w) times its distance. Weights of pixels, (n_pix,), change nothing.
 
     Returns
     -------
@@ -107,9 +107,9 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
     Raises
     ------
     InputError
-        Maps that are not finite or do not fit the frequencies; an order that leaves no channel to spare; a
-        threshold so low that a line of sight could keep too few channels; one with too few that have weight;
-        an unknown spread, or weights with one that is not that of the line.
+            If maps are not finite or do not fit the frequencies; if the order leaves no channel to spare, the
+            threshold could leave a line of sight too few channels, or one has too few with weight; if the
+            spread is unknown, or is not that of the line while weights are given.
     """
     maps = checked_cube("maps", maps, min_channels=2)
     freqs = checked_freqs(freqs, len(maps))
@@ -133,13 +133,13 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
         pull = np.sqrt(shares) * np.abs(lines)
         deviation = given
         if spread == "line":
-            deviation = np.sqrt(np.einsum("ij,ij->j", pull, pull) / n_seen)  # the fit leaves no mean
+            deviation = np.sqrt(np.einsum("ij,ij->j", pull, pull) / n_seen)  # the residual has no mean
         elif spread == "mad":
             deviation = _NORMAL * np.median(pull, axis=0)
         out = np.greater(pull, n_sigma * deviation, out=flagged[:, block])
         second[:, block] = first[:, block]
         clipped = out.any(axis=0) & (np.count_nonzero(~out, axis=0) >= order + 2)
-        if clipped.any():  # of residuals alone, so that the bright baseline costs no digits
+        if clipped.any():  # fit only residuals, so the bright baseline costs no digits
             rest = np.where(out, 0, shares)[:, clipped]
             second[:, block][:, clipped] += least_squares(basis, lines[:, clipped], rest)
 
@@ -149,15 +149,15 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
 
 def baseline_basis(freqs, order=6):
     """Polynomials in frequency (MHz, ascending), orthonormal over the channels, (n_channels, order + 1)."""
-    # Legendre polynomials of the band are nearly orthogonal already, so that QR keeps every digit; powers of
-    # a frequency in MHz would have a condition number of 1e36. All rise at the upper end.
+    # Legendre polynomials of the band are already nearly orthogonal, so QR keeps every digit; powers of a
+    # frequency in MHz would have a condition number of 1e36. Signs are such that all rise at the upper end.
     u = (2 * freqs - freqs[0] - freqs[-1]) / (freqs[-1] - freqs[0])
     basis, triangle = np.linalg.qr(np.polynomial.legendre.legvander(u, order))
     return basis * np.sign(np.diag(triangle))
 
 
 def _deviation_of_sky(maps, basis, spread, weights):
-    """Deviation from the fits of each channel, (n_channels, 1), or of the cube; None of a line of sight."""
+    """Standard deviation from the fits, by channel, (n_channels, 1), or of the cube; None for a line."""
     if spread not in SPREADS:
         raise InputError(f"spread must be one of {', '.join(SPREADS)}, got {spread!r}.")
     if weights is not None and spread != "line":
@@ -174,17 +174,17 @@ def _deviation_of_sky(maps, basis, spread, weights):
 
 
 def can_stand_out(freqs, order=6, n_sigma=5.0):
-    """Whether any channel can be flagged, where deviations are those of the line of sight.
+    """Whether any channel can be flagged if deviations are those of the line of sight.
 
-    Of n channels a single peak is sqrt(n (1 - h)) deviations from the fit, which has a share h of it, the
-    leverage of its channel; nothing is farther out. So by default 29 evenly spaced channels show none.
+    With n channels, a single peak is sqrt(n (1 - h)) deviations from the fit, which follows a share h of it,
+    the leverage of its channel; nothing is farther out. So by default no peak shows in 29 even channels.
     """
     leverage = np.sum(baseline_basis(freqs, order) ** 2, axis=1)
     return bool(len(freqs) * (1 - leverage.min()) > n_sigma**2)
 
 
 def check_clipping(n_channels, order, n_sigma):
-    """InputError for an order that leaves no channel to spare, or a threshold that could leave too few."""
+    """Raise InputError if an order leaves no channel to spare, or a threshold could leave too few."""
     whole_number("order", order, 1, n_channels - 2)
     real = isinstance(n_sigma, numbers.Real) and not isinstance(n_sigma, bool)
     if not real or not 0 < n_sigma < np.inf:
@@ -198,11 +198,11 @@ def check_clipping(n_channels, order, n_sigma):
 
 
 def least_channels(n_channels, order=6, n_sigma=5.0):
-    """How many channels that are not missing, of `n_channels`, a line of sight needs for such a fit."""
+    """Smallest number of observed channels, of `n_channels`, that such a fit needs on a line of sight."""
     enough = (n for n in range(order + 2, n_channels) if n - _most_flagged(n, n_sigma) >= order + 2)
     return next(enough, n_channels)
 
 
 def _most_flagged(n_channels, n_sigma):
-    """m outliers alone have a variance above m n_sigma^2 / n, so that there are fewer than n / n_sigma^2."""
+    """m outliers alone have a variance above m n_sigma^2 / n, so there are fewer than n / n_sigma^2."""
     return int(np.ceil(n_channels / n_sigma**2)) - 1

@@ -10,37 +10,37 @@ from himap.maps.low_rank import LowRankCube, blocks
 from himap.removal.base import ForegroundRemover, Separation, parameter
 from himap.removal.peaks import baseline_basis, check_clipping, least_channels, smooth_baselines
 
-_DEGREE = 31  # of polynomials in log nu that hold the exponential of a fit, to rounding
-_MOST_BEYOND = 10.0  # of log T above all that is seen: an extrapolation to missing channels ends there
+_DEGREE = 31  # of polynomials in log nu that represent the exponential of a fit to rounding
+_MOST_BEYOND = 10.0  # in log T above all observed values: the limit of extrapolation to missing channels
 
 
 @dataclass(frozen=True, kw_only=True)
 class Polynomial(ForegroundRemover):
     """A polynomial in frequency, fitted to each line of sight.
 
-    T(nu, p) = sum_n a_n(p) nu^n, n = 0..order (Eq. 18), fitted again without the channels that the first fit
-    leaves more than `n_sigma` standard deviations away. The mixing matrix A holds polynomials that are
+    T(nu, p) = sum_n a_n(p) nu^n, n = 0..order (Eq. 18). It is fitted a second time without channels more than
+    `n_sigma` standard deviations from the first fit. The mixing matrix A holds polynomials that are
     orthonormal over the channels instead of powers of nu, the sources S their coefficients: the same fit.
 
-    With ``variable="logarithm"`` it is log T that is such a polynomial, of log nu, as in other works; A and S
-    are of log(T / mean along the line).
+    With ``variable="logarithm"``, log T is a polynomial of log nu, as in other works; A and S then describe
+    log(T / mean along the line).
 
-    With weights of voxels it has the least weighted squares; those of pixels change nothing.
+    With weights of voxels the fit minimises weighted squares; weights of pixels change nothing.
     """
 
     name: ClassVar[str] = "polynomial"
     uses: ClassVar[frozenset] = frozenset({"weights"})
     order: int = parameter(6, "order of the polynomial", minimum=1)
-    n_sigma: float = parameter(5.0, "channels further from the first fit are left out", minimum=0, above=True)
+    n_sigma: float = parameter(5.0, "channels further from the first fit are excluded", minimum=0, above=True)
     variable: str = parameter(
         "temperature",
-        "what is a polynomial: temperature of frequency, or the logarithm of one of that of the other",
+        "what is fitted: temperature as a polynomial of frequency, or both in logarithms",
         choices=("temperature", "logarithm"),
         off="temperature",
     )
 
     def check(self, n_channels):
-        """Refuse an order or threshold that leaves too few channels (`peaks.check_clipping`)."""
+        """Refuse an order or threshold that could leave too few channels (`peaks.check_clipping`)."""
         super().check(n_channels)
         check_clipping(n_channels, self.order, self.n_sigma)
 
@@ -48,7 +48,7 @@ class Polynomial(ForegroundRemover):
         return least_channels(n_channels, self.order, self.n_sigma)
 
     def _separate(self, data):
-        # The paper fits the total temperature, and clips what stands out from it.
+        # The paper fits the total temperature, and clips outliers from that fit.
         options = {"order": self.order, "n_sigma": self.n_sigma, "weights": data.weights}
         lines, freqs, low_rank = data.total, data.freqs, None
         if self.variable == "logarithm":
@@ -57,7 +57,7 @@ class Polynomial(ForegroundRemover):
         baselines = smooth_baselines(lines, freqs, **options)
         if self.variable == "logarithm":
             spectra = baseline_basis(freqs, min(_DEGREE, len(freqs) - 1))
-            if np.ndim(data.weights) == 2:  # where voxels are missing, fits may be too steep for polynomials
+            if np.ndim(data.weights) == 2:  # with missing voxels, fits may be too steep for polynomials
                 spectra = np.eye(len(freqs))
             highest = lines.max() + _MOST_BEYOND
             low_rank = _exponential(baselines.basis, baselines.second, scale, spectra, highest)
@@ -70,7 +70,7 @@ class Polynomial(ForegroundRemover):
 
 
 def _logarithms(data):
-    """log(T / mean of the line), (n_channels, n_pix), 0 where voxels are missing; and that mean, (n_pix,)."""
+    """log(T / mean of the line), (n_channels, n_pix), 0 in missing voxels; and that mean, (n_pix,)."""
     total = data.total
     seen = data.weights > 0 if np.ndim(data.weights) == 2 else np.ones(1, dtype=bool)
     n_bad = np.count_nonzero((total <= 0) & seen)
@@ -87,7 +87,7 @@ def _logarithms(data):
 
 
 def _exponential(basis, coefficients, scale, spectra, highest):
-    """`LowRankCube` of scale exp(basis coefficients), in orthonormal spectra; exponents end at `highest`."""
+    """`LowRankCube` of scale exp(basis coefficients), in orthonormal spectra; exponents at most `highest`."""
     maps = np.empty((spectra.shape[1], len(scale)))
     for block in blocks(len(scale)):
         exponents = np.minimum(basis @ coefficients[:, block], highest)

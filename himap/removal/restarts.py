@@ -1,8 +1,8 @@
-"""An ensemble of restarts of a chaotic method: its scatter, its medoid, and which members look failed.
+"""An ensemble of restarts of a chaotic method: its scatter, its medoid, and members that look failed.
 
-No flag needs the truth. Which numbers are flags was decided by how often each is right, which is measured
-(`himap.paper.restarts`): the condition of A, the last change of S and the cost function are alike in runs
-that fail and in others.
+No flag needs the truth. Flags were chosen by how often each is right, which is measured
+(`himap.paper.restarts`): the condition of A, the last change of S and the cost function do not differ between
+runs that fail and others.
 """
 
 from dataclasses import dataclass
@@ -16,19 +16,19 @@ from himap.core.progress import progress
 from himap.maps.low_rank import blocks
 
 RESTARTS = 4
-"""How many a cube of a user is cleaned with, where the method has restarts."""
+"""Default number of restarts for a user's cube, for methods that have restarts."""
 
 BRIGHT = 0.1
-"""Share of the lines of sight that are the brightest of the foreground."""
+"""Share of the lines of sight that counts as the brightest foreground."""
 
 FLAGS = {
     "contrast": (2.0, "the residual is strong where the foreground is brightest"),
     "distance": (0.5, "the residual is far from that of the medoid"),
     "remaining": (0.5, "hardly any foreground was subtracted"),
 }
-"""{flag: (value above which it is set, what it means)}: where foreground residual has as much power as HI and
-noise have, where a quarter of the power differs, and where half of the data remains: all sources may end at
-0, which changes no more."""
+"""{flag: (value above which it is set, what it means)}. The values: foreground residual with as much power as
+HI and noise, a quarter of the power different, and half of the data remaining: all sources may end at 0,
+which then no longer changes."""
 
 _WAY_OUT = (
     "Take beam_subspace, which does not depend on its start; or thresholds=analytic, share=1, n_warmup=1 and "
@@ -45,9 +45,9 @@ def has_restarts(method):
 
 
 def checked_restarts(method, n=None):
-    """The number of restarts of a `ForegroundRemover` for `n`; None for `RESTARTS`, or 1 without any.
+    """The number of restarts of a `ForegroundRemover` for `n`; if None, `RESTARTS`, or 1 if it has none.
 
-    InputError for some of a method that has none, and for a number that is not 1 or more.
+    InputError if restarts are requested for a method without them, or if `n` is not a positive number.
     """
     if has_restarts(method):
         return RESTARTS if n is None else whole_number("restarts", n, 1, 10_000)
@@ -58,24 +58,24 @@ def checked_restarts(method, n=None):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ensemble:
-    """A `Cleaning` from several starts.
+    """A `Cleaning` with several starts.
 
     Attributes
     ----------
     members
-        A `Cleaning` for each start, in their order, with its `Separation`: a few spectra and maps each.
+            A `Cleaning` for each start, in order, with its `Separation`: a few spectra and maps each.
     """
 
     members: tuple
 
     @classmethod
     def of(cls, cleaning, n):
-        """The ensemble of `n` starts of a `Cleaning`, of which it is the first.
+        """Make the ensemble of `n` starts of a `Cleaning`, which is the first of them.
 
         Raises
         ------
         InputError
-            As `checked_restarts`.
+                See `checked_restarts`.
         """
         n, method = checked_restarts(cleaning.method, n), cleaning.method
         members = (cleaning, *(cleaning.with_restart(method.restart + k) for k in range(1, n)))
@@ -84,38 +84,38 @@ class Ensemble:
         return cls(members=members)
 
     def change(self, k):
-        """By how much the residual of member `k` is more than that of the medoid, a `LowRankCube`."""
+        """Residual of member `k` less that of the medoid, a `LowRankCube`."""
         return self.medoid.separation.foreground + -self.members[k].separation.foreground
 
     @cached_property
     def distances(self):
-        """Rms over all voxels of the difference of two residuals, (n, n), mK.
+        """Rms over all voxels of the difference between two residuals, (n, n), mK.
 
-        All subtract a foreground from the same data, so it is that of two foregrounds. Angles between mixing
-        matrices would count sources that hold nothing.
+        All subtract a foreground from the same data, so this is the difference of two foregrounds. Angles
+        between mixing matrices would also count sources without power.
         """
         found = [member.separation.foreground for member in self.members]
         (n_channels, _), n_pix, products = found[0].spectra.shape, found[0].maps.shape[1], 0.0
         for block in blocks(n_pix):
             lines = np.array([one.lines(block) for one in found]).reshape(len(found), -1)
-            lines -= lines[0].copy()  # far brighter than what they differ by
+            lines -= lines[0].copy()  # far brighter than their differences
             products += lines @ lines.T
         squares = products.diagonal()[:, None] + products.diagonal() - 2 * products
         return np.sqrt(np.maximum(squares, 0) / (n_channels * n_pix))
 
     @cached_property
     def medoid_index(self):
-        """Which member has the smallest sum of distances to the others; the first of several."""
+        """Index of the member with the smallest sum of distances to the others; the first if several."""
         return int(self.distances.sum(axis=1).argmin())
 
     @property
     def medoid(self):
-        """The `Cleaning` that represents all: the smallest sum of distances from the others."""
+        """The `Cleaning` that represents all: the member with the smallest sum of distances to the others."""
         return self.members[self.medoid_index]
 
     @cached_property
     def values(self):
-        """Of each member its `_values`, and the distance from the medoid over the rms of its residual."""
+        """For each member its `_values`, and the distance to the medoid over the rms of its residual."""
         values = []
         rms = np.sqrt(np.mean(np.square(self.medoid.residual, dtype=np.float64)))
         for k, distance in enumerate(self.distances[self.medoid_index]):
@@ -130,7 +130,7 @@ class Ensemble:
 
     @property
     def remarks(self):
-        """Sentences: which member is the medoid, which ones have flags, and what then to do."""
+        """Sentences for the user: which member is the medoid, which members are flagged, and what to do."""
         method, n, failing, reasons = self.medoid.method, len(self.members), set(), []
         for name, (_, meaning) in FLAGS.items():
             pairs = zip(self.members, self.flags, strict=True)
@@ -146,7 +146,7 @@ class Ensemble:
 
 
 def remarks_on_one(cleaning):
-    """What the user should know of one run, a list of sentences; empty for methods without restarts."""
+    """Remarks for the user on one run, a list of sentences; empty for methods without restarts."""
     if not has_restarts(cleaning.method):
         return []
     flags = flags_of(_values(cleaning, cleaning.separation.foreground))
@@ -161,7 +161,7 @@ def flags_of(values):
 
 
 def _values(cleaning, foreground, change=None):
-    """{flag: value} of the residual of a `Cleaning`, with a change: `contrast`, and its share of the data."""
+    """{flag: value} of the residual of a `Cleaning`, plus a change: `contrast`, and its share of the data."""
     powers, data = line_powers(cleaning.residual, foreground, change), cleaning.data
     variance = data.get_or_compute("variance", lambda: np.mean([row.var(dtype=float) for row in data.maps]))
     remaining = powers[1].mean() / variance if variance > 0 else 0.0
@@ -169,7 +169,7 @@ def _values(cleaning, foreground, change=None):
 
 
 def line_powers(residual, foreground, change=None):
-    """Mean squares of lines of sight over channels, of a foreground and of a residual, (2, n_pix) mK^2.
+    """Mean squares over channels of a foreground and of a residual on each line of sight, (2, n_pix) mK^2.
 
     Parameters
     ----------
@@ -187,9 +187,9 @@ def line_powers(residual, foreground, change=None):
 
 
 def contrast(foreground, residual):
-    """Power of a residual on the lines of sight where the foreground is brightest, over that elsewhere.
+    """Power of a residual on the lines of sight with the brightest foreground, over that elsewhere.
 
-    HI and noise know nothing of the foreground: of these it is 1. Of `line_powers`.
+    HI and noise do not depend on the foreground: for them it is 1. Arguments are rows of `line_powers`.
     """
     bright = foreground > np.quantile(foreground, 1 - BRIGHT)
     elsewhere = residual[~bright].mean()

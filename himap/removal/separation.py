@@ -1,4 +1,4 @@
-"""What a method of foreground removal finds, and the residual without it."""
+"""The estimate of a foreground removal method, and the residual after its subtraction."""
 
 from dataclasses import dataclass, replace
 
@@ -9,7 +9,7 @@ from himap.maps.low_rank import LowRankCube
 
 @dataclass(frozen=True, kw_only=True)
 class Separation:
-    """The foreground that a method finds.
+    """The foreground estimated by a method.
 
     Attributes
     ----------
@@ -18,21 +18,21 @@ class Separation:
     sources
         S, (n_sources, n_pix), mK, float64.
     low_rank
-        The foreground, a `LowRankCube`, where it is not A S, such as one that is seen through beams.
+            The foreground, a `LowRankCube`, if it is not A S, for example if it is seen through beams.
     means
-        What else is subtracted from every channel, (n_channels,), mK: the means of the data unless
-        `_separate` gives others.
+            Constants also subtracted from every channel, (n_channels,), mK: the means of the data unless
+            `_separate` sets others.
     converged
-        False if the method stopped at its limit.
+            False if the method stopped at its limit of iterations.
     n_iterations
         0 for a direct method.
     flagged
-        (n_pix,) bool, the lines of sight whose fit cannot be trusted; None where lines have no separate fits.
+            (n_pix,) bool, lines of sight whose fit is unreliable; None if these are not fitted separately.
     lmax
-        Multipole at which the method ends: beyond, all goes with the foreground that was in the maps it was
-        found in, so that peaks that were masked there remain complete; None if it does not end.
+            Largest multipole of the estimate. Beyond it, all that the maps used for the estimate hold is
+            subtracted, so peaks that were masked there remain complete. None if there is no such limit.
     diagnostics
-        {name: number} by which an iteration can be judged without the truth; None of other methods.
+            {name: number} to judge an iteration without the truth; None for other methods.
     """
 
     mixing: np.ndarray
@@ -51,11 +51,11 @@ class Separation:
         return LowRankCube(spectra=self.mixing, maps=self.sources) if self.low_rank is None else self.low_rank
 
     def check(self, method, shape):
-        """Hold the class `method` to what it promises of maps of this shape; TypeError if it fails."""
+        """Check that the class `method` returned what it must for maps of this shape; TypeError if not."""
         foreground = self.foreground
         for spectra, maps in ((self.mixing, self.sources), (foreground.spectra, foreground.maps)):
             expected = (shape[0], len(maps)), (len(maps), shape[1])
-            # A foreground is 1e5 times brighter than the residual: single precision would not do.
+            # A foreground is 1e5 times brighter than the residual: single precision is not enough.
             double = spectra.dtype == maps.dtype == np.float64
             if (spectra.shape, maps.shape) != expected or not double:
                 got = f"{spectra.dtype} {spectra.shape}, {maps.dtype} {maps.shape}"
@@ -65,9 +65,9 @@ class Separation:
                 )
 
     def residual(self, maps, basis, channels=slice(None)):
-        """`maps` (n_channels, n_pix), mK, without the foreground, float32; of some channels, a slice.
+        """`maps` (n_channels, n_pix), mK, without the foreground, float32; for a slice of the channels.
 
-        `basis` are the `Data` that this was found in: beyond `lmax` all that they hold is subtracted.
+        `basis` are the `Data` used for the estimate: beyond `lmax`, all that they hold is subtracted.
         """
         foreground = self.foreground.of_channels(channels)
         if self.lmax is None:
@@ -80,7 +80,7 @@ class Separation:
         return residual
 
     def moved(self, move):
-        """The same of other pixels: ``move(lines)`` turns lines of sight (..., n_pix) into theirs."""
+        """The same for other pixels: ``move(lines)`` maps lines of sight (..., n_pix) to the new ones."""
         low_rank, flagged = self.low_rank, self.flagged
         return replace(
             self,
@@ -97,11 +97,11 @@ class Cleaned:
     Attributes
     ----------
     maps
-        As observed, (n_channels, n_pix), mK; where a voxel is missing the foreground that was found.
+            As observed, (n_channels, n_pix), mK; missing voxels hold the estimated foreground.
     residual
-        HI plus noise as the method has them, (n_channels, n_pix) float32, mK.
+            Recovered HI plus noise, (n_channels, n_pix) float32, mK.
     separation
-        The `Separation` behind it.
+        The `Separation` that the residual comes from.
     """
 
     maps: np.ndarray
@@ -110,14 +110,14 @@ class Cleaned:
 
     @property
     def foreground(self):
-        """What was subtracted, the mean of every channel included, float32, made when asked for."""
+        """The subtracted foreground, including the mean of every channel, float32, computed on access."""
         return (self.maps - self.residual).astype(np.float32, copy=False)
 
 
 def ordered(mixing, sources):
-    """A and S with columns of unit length, by variance of the sources, largest entry positive.
+    """Return A and S with columns of unit length, in order of source variance, largest entries positive.
 
-    The product A S stays as it is; scale, order and sign of sources are a matter of convention.
+    The product A S does not change; scale, order and sign of sources are conventions.
     """
     length = np.linalg.norm(mixing, axis=0)
     largest = mixing[np.abs(mixing).argmax(axis=0), np.arange(len(length))]

@@ -1,4 +1,4 @@
-"""What is known of the foreground of a cube where HI and noise are like some mocks, and draws of it."""
+"""The posterior of the foreground of a cube, given mocks of HI and noise, and draws from it."""
 
 from dataclasses import dataclass, replace
 
@@ -28,15 +28,15 @@ from himap.removal.spectral_filter import (
 )
 
 N_SMOOTH = 6
-"""Smooth functions of frequency: they hold any power law to the last digit of float32."""
+"""Number of smooth functions of frequency: they represent any power law to the last digit of float32."""
 
-_REACH = 2  # bands on either side that the faint spectra of a band are estimated from too
+_REACH = 2  # neighbouring bands on either side also used for the faint spectra of a band
 
 
 def products_of(fields, lmax):
     """Mean products of two channels in each band of multipoles, (n_bands, n_channels, n_channels), mK^2.
 
-    Of `fields` of HI and noise alone, their coefficients (n_channels, n_alm), mK, through the beam, less
+    `fields` are of HI and noise alone: coefficients (n_channels, n_alm), mK, seen through the beam, less
     channel means.
     """
     edges, products, n_fields = multipole_bands(lmax), 0, 0
@@ -50,29 +50,29 @@ def products_of(fields, lmax):
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothForeground:
-    """The covariance of the foreground of some data, if HI and noise are like mocks.
+    """The covariance of the foreground of some data, assuming that HI and noise are like mocks.
 
-    As in `SmoothSpectra` the foreground is smooth functions of frequency seen through the beams, with a
-    covariance of its own in each band of multipoles. Here that of HI and noise is known but for a factor, so
-    that the power of the foreground is what the data have more; it is not shrunk, for that would be a bias.
+    As in `SmoothSpectra`, the foreground is smooth functions of frequency seen through the beams, with its
+    own covariance in each band of multipoles. Here the covariance of HI and noise is known up to a factor, so
+    the power of the foreground is the excess of the data; it is not shrunk, as that would bias it.
 
     Attributes
     ----------
     faint
         Covariance of HI and noise per mode in each band, mK^2, (n_bands, n_channels, n_channels).
     roots
-        R, (n_bands, n_smooth, n_smooth), with R R^T the covariance of what is HI and noise in the amplitudes
-        of the smooth functions, by least squares.
+            R, (n_bands, n_smooth, n_smooth), where R R^T is the covariance of HI and noise in the
+            least-squares amplitudes of the smooth functions.
     axes
-        Those of the foreground, (n_smooth, n_axes) of each band, a list, with columns of zeros where a band
-        has fewer: R axes axes^T R^T is its covariance.
+            Axes of the foreground, (n_smooth, n_axes) for each band, a list, with zero columns if a band has
+            fewer: R axes axes^T R^T is the covariance of the foreground.
     n_modes
-        Of each band.
+            Number of modes of each band.
     products, n_mocks
-        `products_of` the mocks, and of how many.
+            `products_of` the mocks, and the number of mocks.
     n_exact
-        How many of the bands end before 2 nside. Beyond, HEALPix holds what is bright with errors that can
-        be more than HI, and smooth in frequency: there the foreground has the spectra of the last of these.
+            Number of bands that end before 2 nside. Beyond, HEALPix has errors of bright emission that may
+            exceed HI and are smooth in frequency: there the foreground has the spectra of the last such band.
     """
 
     faint: np.ndarray
@@ -84,10 +84,10 @@ class SmoothForeground:
     n_mocks: int
 
     def of_member(self, data, mock):
-        """The same of a member of a bootstrap, `Data` whose HI and noise are one of the mocks.
+        """The same for a member of a bootstrap, `Data` whose HI and noise are one of the mocks.
 
-        Its products are those of the others, as those of the data are of other skies; of one mock it is that.
-        `mock` are its coefficients, (n_channels, n_alm), mK.
+        Its products are those of the other mocks, as those of the data are from other skies; if there is only
+        one mock, of that one. `mock` are its coefficients, (n_channels, n_alm), mK.
         """
         products, n = self.products, self.n_mocks
         if n > 1:
@@ -96,11 +96,11 @@ class SmoothForeground:
         return foreground_given(data, products, max(n - 1, 1))
 
     def draw(self, data, rng):
-        """A foreground drawn from what is known of that of the data, a `FilteredSeparation`.
+        """Draw a foreground from its posterior given the data, a `FilteredSeparation`.
 
-        First its covariance, from what would be estimated of skies with this one. Then the foreground given
-        data and covariances: to the mean, a Wiener filter, which has less power than the foreground, is added
-        W_l s_l, with the covariance of sources of unit variance given the data, (W_l^T C^-1 W_l + 1)^-1
+        First a covariance is drawn, from its estimates for skies with this one. Then the foreground given
+        data and covariances: the mean, a Wiener filter, has less power than the foreground, so W_l s_l is
+        added, where s_l has the covariance of unit-variance sources given the data, (W_l^T C^-1 W_l + 1)^-1
         (Wandelt, Larson & Lakshminarayanan 2004).
         """
         totals = []
@@ -117,14 +117,14 @@ class SmoothForeground:
         sources, beyond = estimated(mixing @ linear.estimators, data.project, data.modes)
         pairs = list(zip(spaces, mixing, linear.uncertain, harmonic.blocks(sources), strict=True))
         for space, mixed, uncertain, out in pairs[1:]:  # means are subtracted
-            # Of draws in channels: the axes of the space, and so draws along them, have a sign by chance.
+            # Draw in channels: axes of the space, and so draws along them, have arbitrary signs.
             drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
             out += _root(mixed @ uncertain @ mixed.T) @ drawn
         low_rank = on_sky(combined(sources, spaces, FINE), sphere.nside_of(beyond))
         return _of_filter(linear, low_rank + LowRankCube(spectra=spaces[-1], maps=beyond), data)
 
     def _filter(self, data):
-        """The Wiener filter that makes the mean of the foreground given the data, a `SpectralFilter`."""
+        """The Wiener filter that gives the mean of the foreground given the data, a `SpectralFilter`."""
         seen = smooth_seen(data, N_SMOOTH)
         edges = multipole_bands(len(seen) - 1)
         bands = zip(edges, self.roots, self.axes, strict=True)
@@ -132,22 +132,22 @@ class SmoothForeground:
         return SpectralFilter.wiener(spectra, self.faint, edges)
 
     def residual_spectra(self, data, separation, beams=None):
-        """Spectra F of what a method leaves of the foreground given the data, (n_channels, n), of each l.
+        """Spectra F of the foreground residual of a method, given the data, (n_channels, n), for each l.
 
-        F F^T is its covariance, mK^2, a mean over the 2 l + 1 modes: that of the mean of the foreground, and
-        of what is not known of it. It is all that is left by projections on spectra, such as PCA and
-        `BeamSubspace`, and by `SmoothSpectra`; other methods may leave more.
+        F F^T is its covariance, mK^2, averaged over the 2 l + 1 modes: that of the mean of the foreground,
+        plus its uncertainty. It is the complete residual for projections on spectra, such as PCA and
+        `BeamSubspace`, and for `SmoothSpectra`; the residual of other methods may be larger.
 
         Parameters
         ----------
         data
-            The `Data` that this is the foreground of.
+            The `Data` whose foreground this is.
         separation
-            What the method found, whose spectra are held fixed. It leaves what least squares do not fit with
-            these, or its filter does not hold.
+                Result of the method, whose spectra are held fixed. Its residual is what a least-squares fit
+                of these does not describe, or what its filter does not pass.
         beams
-            b_l that the method has its spectra seen through, (n_channels, lmax + 1), if it does. It ends
-            where these or those of the data do.
+                b_l through which the method sees its spectra, (n_channels, lmax + 1), if it uses beams.
+                Spectra end at the last l of these or of the beams of the data.
         """
         linear = self._filter(data)
         known = zip(linear.spectra, linear.estimators, linear.uncertain, strict=True)
@@ -159,25 +159,25 @@ class SmoothForeground:
             yield (spectra - removed @ (fit @ spectra)) @ root * bool(degree)
 
     def mean(self, data):
-        """The mean of the foreground given the data, and the filter that makes it, a `FilteredSeparation`."""
+        """The mean of the foreground given the data, and the filter that gives it, a `FilteredSeparation`."""
         linear = self._filter(data)
         return _of_filter(linear, filtered(linear.spectra, linear.estimators, data.project, data.modes), data)
 
 
 def foreground_given(data, products, n_mocks=1):
-    """The `SmoothForeground` of data, where HI and noise have the covariance of mocks.
+    """The `SmoothForeground` of data, if HI and noise have the covariance of mocks.
 
     Parameters
     ----------
     data
-        `Data` of the full sphere with beams, and with the peaks that the mocks have too.
+            `Data` of the full sphere with beams, and with peaks if the mocks have them.
     products, n_mocks
-        `products_of` the mocks, and of how many.
+            `products_of` the mocks, and the number of mocks.
 
     Raises
     ------
     InputError
-        Too few channels, or too narrow a band, for the smooth functions.
+            If there are too few channels, or too narrow a band, for the smooth functions.
     """
     freqs = data.freqs
     wanted = f"error bars need the foreground as {N_SMOOTH} smooth functions of frequency"
@@ -208,11 +208,11 @@ def foreground_given(data, products, n_mocks=1):
 
 
 def _amplitudes(modes, band, seen, freqs, product):
-    """One band: C, R as in `SmoothForeground`, the covariance R^-1 D R^-T of all amplitudes, and n_modes.
+    """For one band: C, R as in `SmoothForeground`, the covariance R^-1 D R^-T of all amplitudes, n_modes.
 
-    The product of the mocks is scaled to the power that the data have in spectra that are not smooth: it says
-    how the power of HI depends on k, but not how much there is. Amplitudes follow by least squares weighted
-    with C^-1, what is HI and noise in them from that product. Without foreground the covariance is near 1.
+    The product of the mocks is scaled to the power of the data in spectra that are not smooth: it gives the
+    dependence of HI power on k, but not its level. Amplitudes follow by least squares weighted with C^-1,
+    the HI and noise in them from that product. Without foreground the covariance is near 1.
     """
     degrees = range(max(band[0], 1), band[1] + 1)
     blocks = [(np.array(modes.at(degree)), seen[degree]) for degree in degrees]
@@ -234,14 +234,14 @@ def _amplitudes(modes, band, seen, freqs, product):
 
 
 def _axes(roots, totals, n_modes, n_exact):
-    """Axes of the foreground in amplitudes of which HI and noise have the covariance 1, of each band, a list.
+    """Axes of the foreground in amplitudes in which HI and noise have unit covariance; a list, one per band.
 
-    Of R of the bands, and the covariances of all, (n_smooth, n_smooth) each. Axes that are bright in a band
-    are its own. Beyond these its foreground is the mean of the bands around it, of what each of them has
-    beyond as many axes, bright or not, weighted with their modes but none with more than its own, so that
-    what is fainter at higher l hardly counts. After the first `n_exact` the covariance of amplitudes is that
-    of the last of these times a factor, by least squares, but at most 1, as no foreground gets brighter with
-    l.
+    `roots` are R of the bands, `totals` the covariances of all amplitudes, (n_smooth, n_smooth) each. Bright
+    axes of a band are its own. The remaining foreground is an average over neighbouring bands: each
+    contributes its covariance beyond as many axes, bright or not, weighted with its modes but by no more than
+    the band's own, so fainter bands at higher l hardly count. After the first `n_exact` bands, the covariance
+    of amplitudes is that of the last of these times a least-squares factor, at most 1, as no foreground
+    brightens with l.
     """
     eigen, several = [np.linalg.eigh(total) for total in totals[:n_exact]], []
     for place, (values, axes) in enumerate(eigen):
@@ -268,7 +268,7 @@ def _axes(roots, totals, n_modes, n_exact):
 
 
 def _removed(separation, beams, n_degrees):
-    """W_l and G_l of a `Separation` for each l in turn: it leaves 1 - W_l G_l."""
+    """W_l and G_l of a `Separation` for each l in turn; its residual is 1 - W_l G_l times the data."""
     if isinstance(separation, FilteredSeparation):
         return zip(separation.filter.spectra, separation.filter.estimators, strict=True)
     if beams is None:
@@ -285,7 +285,7 @@ def _root(covariance):
 
 
 def _of_filter(linear, low_rank, data):
-    """The `FilteredSeparation` of a foreground, a `LowRankCube`, that a `SpectralFilter` makes."""
+    """The `FilteredSeparation` of a foreground `low_rank`, a `LowRankCube`, made by a `SpectralFilter`."""
     return FilteredSeparation(
         mixing=low_rank.spectra, sources=low_rank.maps, low_rank=low_rank, filter=linear, means=data.means
     )

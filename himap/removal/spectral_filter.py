@@ -1,4 +1,4 @@
-"""Linear filters of few spectra at every multipole, such as projections on spectra seen through beams."""
+"""Linear filters with few spectra at every multipole, such as projections on spectra seen through beams."""
 
 from dataclasses import dataclass
 
@@ -10,10 +10,10 @@ from himap.maps.low_rank import HarmonicModes, LowRankCube
 from himap.removal import harmonic
 
 RANK = 1e-10
-"""Spectra below this share of the largest do not reach the last digit of float32."""
+"""Spectra below this share of the largest do not affect the last digit of float32."""
 
 FINE = 1e-12
-"""Of the brightest spectrum at any l: far below a mode of HI."""
+"""Share of the brightest spectrum at any l: far below a mode of HI."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,11 +23,11 @@ class SpectralFilter:
     Attributes
     ----------
     spectra
-        W_l, (n_l, n_channels, n_sources), with zeros where fewer spectra do.
+            W_l, (n_l, n_channels, n_sources), zero columns where an l has fewer spectra.
     estimators
         G_l, (n_l, n_sources, n_channels).
     faint
-        Covariance of HI and noise per mode that they were made with, mK^2, (n_bands, n_channels, n_channels).
+            Covariance of HI and noise per mode used to make them, mK^2, (n_bands, n_channels, n_channels).
     first
         First l of each band, (n_bands,).
     """
@@ -39,9 +39,9 @@ class SpectralFilter:
 
     @classmethod
     def wiener(cls, spectra, faint, edges):
-        """The Wiener filter of sources of unit variance, G_l = (W_l^T C^-1 W_l + 1)^-1 W_l^T C^-1.
+        """Make the Wiener filter for sources of unit variance, G_l = (W_l^T C^-1 W_l + 1)^-1 W_l^T C^-1.
 
-        Of W_l, (n_l, n_channels, n_sources) in each band, C of each, and the first and last l of each.
+        For each band: `spectra` W_l, (n_l, n_channels, n_sources), `faint` C, `edges` the first and last l.
         """
         estimators = map(wiener_estimators, spectra, faint)
         return cls(
@@ -57,7 +57,7 @@ class SpectralFilter:
 
     @property
     def uncertain(self):
-        """Of a Wiener filter the covariance of sources given the data, (W_l^T C^-1 W_l + 1)^-1."""
+        """For a Wiener filter, the covariance of the sources given the data, (W_l^T C^-1 W_l + 1)^-1."""
         bands = zip(np.split(self.spectra, self.first[1:]), self.faint, strict=True)
         return np.concatenate([np.linalg.inv(_weighted(*band)[1]) for band in bands])
 
@@ -69,17 +69,17 @@ def wiener_estimators(spectra, faint):
 
 
 def _weighted(spectra, faint):
-    """C^-1 W_l, and W_l^T C^-1 W_l + 1, of one band."""
+    """C^-1 W_l, and W_l^T C^-1 W_l + 1, for one band."""
     weighted = np.linalg.inv(faint) @ spectra
     return weighted, np.swapaxes(spectra, 1, 2) @ weighted + np.eye(spectra.shape[2])
 
 
 def filtered(spectra, estimators, project, modes, low=None):
-    """W_l G_l X_l of maps at every l, a `LowRankCube`; beyond the last l they are filtered as there.
+    """W_l G_l X_l of maps at every l, a `LowRankCube`; beyond the last l, the filter of the last l is used.
 
-    Of W_l, (n_l, n_channels, n), and G_l, (n_l, n, n_channels), and maps, (n_channels, n_pix), mK, RING, less
-    their channel means: ``project(rows)`` is ``rows @ maps``, as of `Data.project`, and `modes` are their
-    `CubeModes`. In place of the first G_l X_l may be others, `low`, real modes (n, n_low).
+    W_l is (n_l, n_channels, n), G_l is (n_l, n, n_channels). ``project(rows)`` is ``rows @ maps`` as in
+    `Data.project`, for maps (n_channels, n_pix), mK, RING, less their channel means, and `modes` are their
+    `CubeModes`. `low`, real modes (n, n_low), replaces the first G_l X_l if given.
     """
     sources, beyond = estimated(estimators, project, modes)
     if low is not None:
@@ -89,7 +89,7 @@ def filtered(spectra, estimators, project, modes, low=None):
 
 
 def estimated(estimators, project, modes):
-    """G_l X_l of `filtered`, real modes (n, n_l^2), and maps (n, n_pix) of what the last G finds beyond."""
+    """G_l X_l of `filtered`, real modes (n, n_l^2), and maps (n, n_pix) of what the last G_l gives beyond."""
     last, size = estimators[-1], estimators.shape[1]
     sources = np.empty((2 * size, len(estimators) ** 2))
     for degree, out in enumerate(harmonic.blocks(sources)):
@@ -101,11 +101,11 @@ def estimated(estimators, project, modes):
 
 
 def through_beams(project, space, beams, modes):
-    """The part of maps in the spectra `space`, seen through `beams`, a `LowRankCube`.
+    """The part of maps that the spectra `space` describe, seen through `beams`, a `LowRankCube`.
 
     At every l the foreground is W_l W_l^+ X_l with W_l = diag(beams_l) space: least squares without
-    regularisation. Of `space` (n_channels, n_sources) only the span of its columns matters, of `beams`, b_l
-    (n_channels, lmax + 1), no common factor of all channels; `project` and `modes` are as in `filtered`.
+    regularisation. Only the span of the columns of `space` (n_channels, n_sources) matters, and no factor of
+    `beams`, b_l (n_channels, lmax + 1), common to all channels; `project` and `modes` are as in `filtered`.
     """
     n_degrees = min(modes.lmax + 1, beams.shape[1])
     space, _ = np.linalg.qr(space)
@@ -114,10 +114,10 @@ def through_beams(project, space, beams, modes):
 
 
 def combined(sources, spectra, least=RANK):
-    """W_l S_l in as few spectra as they need, a `HarmonicModes`, mK.
+    """W_l S_l with as few spectra as it needs, a `HarmonicModes`, mK.
 
-    S are real modes, (n, (lmax + 1)^2), W_l is (n_l, n_channels, n). What is below the share `least` of the
-    brightest spectrum at any l is dropped.
+    S are real modes, (n, (lmax + 1)^2), W_l is (n_l, n_channels, n). Spectra below the share `least` of the
+    brightest at any l are dropped.
     """
     pairs = list(zip(spectra, harmonic.blocks(sources), strict=True))
     seen = [matrix @ np.linalg.qr(block.T, mode="r").T for matrix, block in pairs]
@@ -129,7 +129,7 @@ def combined(sources, spectra, least=RANK):
 
 
 def seen_through(sources, mixing, beams):
-    """Sources mixed and seen through beams, diag(beams_l) A S_l, as of `combined`.
+    """Sources mixed and seen through beams, diag(beams_l) A S_l, in the form of `combined`.
 
     A is (n_channels, n_sources), b_l (n_channels, lmax + 1).
     """
@@ -137,6 +137,6 @@ def seen_through(sources, mixing, beams):
 
 
 def on_sky(modes, nside, lmax=None):
-    """The `LowRankCube` of a `HarmonicModes`, up to `lmax` or as far as it goes."""
+    """The `LowRankCube` of a `HarmonicModes`, up to `lmax` or the largest l."""
     alms = modes.alms if lmax is None else sphere.alms_upto(modes.alms, lmax)
     return LowRankCube(spectra=modes.spectra, maps=sphere.synthesise(alms, nside))

@@ -1,4 +1,4 @@
-"""Principal components of maps with weights: at once where pixels have them, in turns where voxels have."""
+"""Principal components of weighted maps: direct for weights of pixels, iterative for weights of voxels."""
 
 import numpy as np
 from scipy import linalg
@@ -8,19 +8,19 @@ from himap.maps.low_rank import centred, in_threads, projection
 from himap.removal.covariance import principal_axes
 from himap.removal.separation import Separation, ordered
 
-_SETTLED = 1e-7  # relative change of the squares of the residual at which the turns end
-_ROUGHLY = 1e-2  # the same while there are fewer components than asked for
-_ROUNDING = 1e-28  # of the squares of the maps: the residual of maps without HI and noise
+_SETTLED = 1e-7  # relative change of the squared residual at which the iteration ends
+_ROUGHLY = 1e-2  # the same, while there are fewer components than requested
+_ROUNDING = 1e-28  # of the squared maps: the residual of maps without HI and noise
 _MOST_TURNS = 1000
-_BLOCK = 4096  # lines of sight at a time: the float64 copies of a block stay small
+_BLOCK = 4096  # lines of sight per block, to keep its float64 copies small
 
 
 def least_squares(basis, lines, weights):
-    """Coefficients with the least sum of w (x - B a)^2 of each line of sight, (n_coefficients, n).
+    """Coefficients that minimise the sum of w (x - B a)^2 for each line of sight, (n_coefficients, n).
 
-    Solved twice, the second time for the residual: the normal equations of a bright sky lose digits. B is
-    (n_channels, n_coefficients), with columns of one length; x, (n_channels, n) float64, is finite where w is
-    0 too, and w above 0 in as many channels as there are coefficients.
+    Solved twice, the second time for the residual, because the normal equations of a bright sky lose digits.
+    B is (n_channels, n_coefficients), with columns of equal length. x, (n_channels, n) float64, is finite
+    even where w is 0, and w is above 0 in at least as many channels as there are coefficients.
     """
     n_coefficients = basis.shape[1]
     weights = weights / weights.max(axis=0)
@@ -34,31 +34,31 @@ def least_squares(basis, lines, weights):
 
 
 def weighted_components(maps, weights, n_sources):
-    """The `Separation` with the least weighted squares of the residual, sum w (x - m - A s)^2; `means` are m.
+    """The `Separation` that minimises the weighted squares sum w (x - m - A s)^2; `means` are m.
 
-    Where pixels have weights, A are the principal axes of the weighted covariance, S = A^T X. Where voxels
-    have, there is no closed form; it is fitted in turns, which go on until the squares settle:
+    For weights of pixels, A are the principal axes of the weighted covariance and S = A^T X. For weights of
+    voxels there is no closed form; three steps are repeated until the squares settle:
 
     1. s of every line of sight, by least squares with its own weights;
     2. the residual of the model m + A s, times the weights over the largest of the line of sight, is added to
-       the model: a voxel that is missing is filled by it;
-    3. m and A from the maps that are filled so, as if all their pixels had that largest weight.
+       the model: so it fills missing voxels;
+    3. m and A follow from the maps filled in this way, as if all their pixels had that largest weight.
 
-    No turn makes the squares larger: this is expectation maximisation for principal components with missing
-    values (Tipping & Bishop 1999, without noise; Bailey 2012 has weights). Channels are brought to weights
-    that are alike in the mean before, so that where weights are a product of one of the pixel and one of
-    the channel the turns have nothing to do.
+    No iteration increases the squares: this is expectation maximisation for principal components with missing
+    values (Tipping & Bishop 1999, without noise; Bailey 2012 has weights). Channels are first rescaled to
+    similar mean weights, so that one iteration suffices if weights are a product of a factor for the pixel
+    and one for the channel.
 
-    Turns start with one component, then two, and so on, each time until they settle. To begin with all of
-    them is not safe: what is missing of the brightest is far above the faintest, and would be
-    mistaken for it.
+    The iteration settles with one component, then with two, and so on. Starting with all of them is not safe:
+    the missing part of the brightest component is far above the faintest one, and would be mistaken
+    for it.
 
     Parameters
     ----------
     maps
-        (n_channels, n_pix), mK, less their weighted means; finite where missing too.
+        (n_channels, n_pix), mK, less their weighted means; also finite in missing voxels.
     weights
-        (n_pix,), or (n_channels, n_pix) with 0 where missing.
+        (n_pix,), or (n_channels, n_pix) 0 in missing voxels.
     n_sources
         Number of components.
     """
@@ -104,7 +104,7 @@ def weighted_components(maps, weights, n_sources):
         sources[:, block] = least_squares(mixing, lines - offset[:, None], some)
 
     in_threads(find, maps.shape[1], "sources", _BLOCK)
-    # Turned so that A is orthonormal and the sources are uncorrelated.
+    # Rotated so that A is orthonormal and the sources are uncorrelated.
     axes, triangle = linalg.qr(mixing / scale, mode="economic")
     sources = triangle @ sources
     turned = principal_axes(sources @ sources.T, n_sources)
@@ -119,16 +119,16 @@ def weighted_components(maps, weights, n_sources):
 
 
 def seen_covariance(maps, weights, components):
-    """The covariance between channels of what is observed, (n_channels, n_channels) float64, mK^2.
+    """The covariance between channels of the observed maps, (n_channels, n_channels) float64, mK^2.
 
-    Where pixels have weights, that of which `weighted_components` takes the axes. Where voxels have, each
-    pair of channels sees another part of a sky that is far brighter than HI, and means over these parts are
-    not consistent. So maps are split into a model, which has no gaps, and its residual, which is faint:
-    the products of each with each are means over the voxels that are observed, with the weights of those, and
-    of the model with itself over all pixels, with the largest weight of each. Of equal weights this is the
-    plain covariance, whatever the model.
+    For weights of pixels, this is the covariance whose axes `weighted_components` uses. For weights of
+    voxels, each pair of channels sees another part of a sky that is far brighter than HI, and means over
+    these parts are not consistent. So maps are split into a model, which has no gaps, and its faint residual.
+    Products of the model with itself are averaged over all pixels, with the largest weight of each; the other
+    products are averaged over observed voxels with their weights. For equal weights this is the plain
+    covariance, whatever the model.
 
-    Maps and weights are as in `weighted_components`, though maps need not be less their means; the model is
+    Maps and weights are as in `weighted_components`, but maps may include their means; the model is
     the foreground of `components`, a `Separation`.
     """
     maps = centred(maps, components.means)
@@ -152,7 +152,7 @@ def seen_covariance(maps, weights, components):
 
 
 def _sums(work, maps, label):
-    """The sums over all blocks of pixels of each of the results of ``work(block)``."""
+    """Sum each result of ``work(block)`` over all blocks of pixels."""
     return list(map(sum, zip(*in_threads(work, maps.shape[1], label, _BLOCK), strict=True)))
 
 

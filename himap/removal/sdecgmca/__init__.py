@@ -1,4 +1,4 @@
-"""SDecGMCA (paper, Sect. 3.3), and what only it needs."""
+"""SDecGMCA (paper, Sect. 3.3), and code that only it needs."""
 
 from himap.removal.sdecgmca.method import SDecGMCA
 

@@ -17,13 +17,13 @@ from himap.removal.sdecgmca.scales import Scales
 from himap.removal.separation import ordered
 from himap.removal.spectral_filter import filtered, on_sky, seen_through
 
-_MOST_MORE = 50  # iterations of the warm-up beyond its least number, and of the refinement, as in C21's code
-_LAST_MOST = 25  # turns of the last S
-_PERTURBATION = 1e-10  # of the start by a restart, relative
+_MOST_MORE = 50  # iterations of the warm-up beyond its minimum, and of the refinement, as in C21's code
+_LAST_MOST = 25  # largest number of turns for the last S
+_PERTURBATION = 1e-10  # relative change of the start by a restart
 
 
 def _option(name):
-    """A parameter that is as the reading has it unless given."""
+    """A parameter that defaults to the value of the reading."""
     option = OPTIONS[name]
     return parameter(None, f"{option.question}; as the reading has it", choices=tuple(option.choices))
 
@@ -37,12 +37,13 @@ class Step:
     mixing, sources
         A, (n_channels, n_sources), columns of unit length; S after its thresholds, real modes.
     refining, change, converged
-        Whether it is in the refinement; the relative change of S, NaN at first; whether that is below the
-        tolerance of its stage.
+            Whether the step is in the refinement; the relative change of S, NaN at first; whether that is
+            below the tolerance of its stage.
     diagnostics
-        Of the last one, else None: "n_warmup", "n_refinement", iterations of each stage; "warmup_change",
-        "refinement_change", the last relative change of S in it; "condition", the condition number of A;
-        "cost", the paper's cost function, mK^2, with thresholds of `n_sigma` times the noise of each scale.
+            Only in the last step, else None: "n_warmup", "n_refinement", iterations of each stage;
+            "warmup_change", "refinement_change", its last relative change of S; "condition", the condition
+            number of A; "cost", the paper's cost, mK^2, with thresholds of `n_sigma` times each scale's
+            noise.
     """
 
     mixing: np.ndarray
@@ -57,26 +58,26 @@ class Step:
 class SDecGMCA(ForegroundRemover):
     """Sparse component separation and deconvolution in turns: X_l = diag(H_l) A S_l + N_l (paper, Eq. 21).
 
-    A starts from the principal components of the data brought to the lowest resolution. Then, in turns, S
-    comes from A by least squares with a Tikhonov term epsilon at every l (C21, Eq. 21; paper, Eq. 23), its
+    A starts from the principal components of the data at the lowest resolution. Then three steps alternate: S
+    follows from A by least squares with a Tikhonov term epsilon at every l (C21, Eq. 21; paper, Eq. 23), its
     starlet coefficients pass soft thresholds that keep a share of those above `n_sigma` times the noise, and
-    A comes from S by least squares (C21, Eqs. 14 to 16), columns of unit length. In the warm-up the share
-    grows evenly to `share` and epsilon follows A and the beams (strategy #3); in the refinement epsilon
-    follows the spectra of the sources (#4) and large coefficients have lower thresholds. The foreground is
-    H A S with a last S.
+    A follows from S by least squares (C21, Eqs. 14 to 16), with columns of unit length. In the warm-up the
+    share grows evenly to `share` and epsilon follows from A and the beams (strategy #3); in the refinement
+    epsilon follows from the spectra of the sources (#4) and large coefficients have lower thresholds. The
+    foreground is H A S with a final S.
 
-    The paper leaves choices; each is a parameter by name (`himap.removal.sdecgmca.readings.OPTIONS`), and
-    `reading` is a set of them, as described in `himap.removal.sdecgmca.readings`; "code" follows the public
-    code of C21, as a test shows. Whether negative entries of A are set to zero, whether the last S has
-    thresholds and what the foreground is beyond `lmax` is part of the reading. The coefficient that is itself
-    the threshold stays unchanged, as in that code.
+    The paper leaves choices open; each is a named parameter (`himap.removal.sdecgmca.readings.OPTIONS`), and
+    `reading` is a set of them, described in `himap.removal.sdecgmca.readings`; "code" follows the public code
+    of C21, as a test shows. The reading also decides whether negative entries of A are set to zero, whether
+    the last S has thresholds, and what the foreground is beyond `lmax`. A coefficient equal to the threshold
+    is unchanged, as in that code.
 
-    The iteration is chaotic: it multiplies a change of A of 1e-10 to order one within some five iterations
-    and does not converge, in C21's code as here, so that one run is one draw. `restart` perturbs the start:
+    The iteration is chaotic: it multiplies a change of A of 1e-10 to order one within about five iterations
+    and does not converge, in C21's code as here, so one run is one draw. `restart` perturbs the start:
     results are stated over an ensemble of restarts. There is no other randomness.
 
-    With ``beyond="cut"`` nothing is estimated beyond `lmax`, and all that is there goes with the foreground:
-    the residual ends at `lmax` (`Separation.lmax`).
+    With ``beyond="cut"`` nothing is estimated beyond `lmax`, and all that the maps hold there is subtracted
+    with the foreground: the residual ends at `lmax` (`Separation.lmax`).
     """
 
     name: ClassVar[str] = "sdecgmca"
@@ -141,13 +142,13 @@ class SDecGMCA(ForegroundRemover):
 
     @property
     def iteration(self):
-        """This method without what is chosen of the last S: methods that agree in it share their `fit`."""
+        """This method with default choices for the last S: methods equal in this share their `fit`."""
         of_last = "last_floor", "last", "last_coefficients", "beyond", "last_tolerance"
         common = {name: READINGS["letter"][name] for name in of_last}
         return replace(self, reading="letter", **common)
 
     def fit(self, data):
-        """The last `Step` of the `Data` of a sphere, made once for all methods with the same `iteration`."""
+        """The last `Step` for the `Data` of a sphere, shared by all methods with the same `iteration`."""
         return data.get_or_compute(data.key_of(self.iteration), lambda: self._fit(data))
 
     def _fit(self, data):
@@ -176,7 +177,7 @@ class SDecGMCA(ForegroundRemover):
         return mixture, Scales(self, mixture.lmax, nside), start
 
     def _mixture(self, data, lmax, modes):
-        """The `BlurredMixture` of the data up to `lmax`, with their `modes`."""
+        """The `BlurredMixture` of the data up to `lmax`, given their `modes`."""
         noise = data.noise if self.noise is None else self.noise
         beams = data.beams / data.beams.max(axis=0) if self.resolution == "best" else data.beams
         return BlurredMixture(
@@ -220,8 +221,8 @@ class SDecGMCA(ForegroundRemover):
     def iterate(self, mixture, scales, mixing, *, done=0):
         """The `Step` of every iteration in turn: warm-up, then refinement (paper, Sect. 3.3).
 
-        Of a `BlurredMixture` with `Scales`, from A, (n_channels, n_sources), to which `done` iterations of
-        the warm-up led; there A is all that the next one needs. The column of a source that vanished stays.
+        `mixture` is a `BlurredMixture`; `mixing` is A, (n_channels, n_sources), after `done` iterations of
+        the warm-up: the next one needs nothing else. The column of a source that vanished stays unchanged.
         """
         window = scales.detail if self.mixing_scales == "detail" else np.ones(mixture.lmax + 1)
         sources, stages = None, ((False, self.n_warmup), (True, self.n_refinement))
@@ -252,11 +253,11 @@ class SDecGMCA(ForegroundRemover):
                     break
 
     def last_sources(self, mixture, scales, mixing, sources):
-        """S of the last A (paper, Eq. 23), real modes, and the epsilon behind it, (n_l, n_sources or 1).
+        """S for the last A (paper, Eq. 23), real modes, and the epsilon used, (n_l, n_sources or 1).
 
-        `sources` are those of the last iteration up to their own lmax; where `mixture`, a `BlurredMixture`
-        with the floor of the last S, goes further, epsilon is that of strategy #3 there unless S takes
-        several turns.
+        `sources` are those of the last iteration up to their own lmax. If `mixture`, a `BlurredMixture` with
+        the floor of the last S, extends further, epsilon there is that of strategy #3 unless S takes several
+        turns.
         """
         if self.last == "unregularised":
             epsilon = np.zeros((mixture.lmax + 1, 1))
@@ -278,7 +279,7 @@ class SDecGMCA(ForegroundRemover):
                 memory = coefficients if count and self.reweighted else None
             else:
                 sources = mixture.sources(mixture.inverses(mixing, epsilon))
-            # The first S is that of strategy #3, which the turns only start from.
+            # The first S, from strategy #3, is only the start of the turns.
             if count > 1 and _change(last, sources) < self.last_tolerance:
                 break
             last = sources

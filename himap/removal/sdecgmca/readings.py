@@ -1,10 +1,10 @@
-"""Readings of the paper's SDecGMCA: where its text leaves a choice, each choice by name, and sets of them.
+"""Readings of the paper's SDecGMCA: choices that its text leaves open, by name, and sets of them.
 
-`OPTIONS` is what there is to choose, and `READINGS` are the sets. The letter contradicts no word of the text,
-and is what is usual where the text says nothing; the code is the steps of the public code of Carloni Gertosio
-& Bobin (2021, C21); code-rounding is the same with the eigenvalues of the last S floored at rounding; the
-follow-up changes in the inversion what the later code of the paper's first author does; instrument-noise is
-the letter with the noise of the instrument in the thresholds. The default, the letter carried on beyond lmax
+`OPTIONS` are the choices, and `READINGS` are the sets. The letter contradicts no word of the text, and is the
+usual choice where the text says nothing. The code has the steps of the public code of Carloni Gertosio &
+Bobin (2021, C21); code-rounding is the same with the eigenvalues of the last S floored at rounding. The
+follow-up changes the inversion to that of the later code of the paper's first author. Instrument-noise is the
+letter with the noise of the instrument in the thresholds. The default, the letter continued beyond lmax
 by least squares, is the reading under which most of the paper's statements on SDecGMCA hold, by a rule
 (chapter 16).
 """
@@ -16,18 +16,18 @@ from himap.core.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """One choice that the paper's text leaves, or makes.
+    """One choice that the paper's text leaves open, or makes.
 
     Attributes
     ----------
     question
-        What is to be decided.
+        The question to decide.
     choices
         {value: what it means}.
     word
-        What the paper says about it.
+        What the paper says about it, quoted or summarised.
     against
-        The values that this speaks against.
+            The values that this contradicts.
     """
 
     question: str
@@ -180,12 +180,12 @@ READINGS = {
 
 
 def resolved(reading, given):
-    """`given` {field: value or None} with those of `reading` for None.
+    """Return `given` {field: value or None} with None replaced by the value of `reading`.
 
     Raises
     ------
     InputError
-        No such reading, or options that exclude each other.
+            If there is no such reading, or if options exclude each other.
     """
     if reading not in READINGS:
         raise InputError(

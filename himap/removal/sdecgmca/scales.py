@@ -11,16 +11,16 @@ _N_ITER = 3  # refinements of the quadrature in C21's code
 
 
 class Scales:
-    """Soft thresholds on the detail scales of sources given as real modes.
+    """Soft thresholds on the detail scales of sources represented as real modes.
 
     Parameters
     ----------
     method
-        The `SDecGMCA`, whose parameters name the scales, their noise and their pixels. "grid" are rings of
-        nearly equal areas with an exact quadrature; that of "healpix" is refined as in healpy's map2alm,
-        which C21's code uses.
+            The `SDecGMCA`, whose parameters define the scales, their noise and their pixels. "grid" means
+            rings of nearly equal areas with an exact quadrature; the quadrature of "healpix" is refined as in
+            healpy's map2alm, which C21's code uses.
     lmax, nside
-        Largest multipole, and that of HEALPix pixels.
+        Largest multipole, and resolution of the HEALPix pixels.
     """
 
     def __init__(self, method, lmax, nside):
@@ -33,12 +33,12 @@ class Scales:
         self._filters = bands_of(self.low_passes)
 
     def threshold(self, mixture, inverses, share, memory=None):
-        """Sources after the thresholds, with their smooth scale, and their coefficients.
+        """Sources after the thresholds, smooth scale included, and their coefficients.
 
-        The sources are those that `inverses`, P_l, make of a `BlurredMixture`; the result are real modes,
+        The input sources are those that `inverses`, P_l, give for a `BlurredMixture`. Returns real modes,
         (n_sources, (lmax + 1)^2), and for each source an array (n_scales, n_pix). Of the coefficients above
-        the noise the largest `share` stay; 1 keeps them all. With a `memory`, the coefficients of the last
-        iteration, a threshold is divided by 1 + |last value| / (k noise) (Candes et al. 2008), so that large
+        the noise the largest `share` are kept; 1 keeps all. With a `memory`, the coefficients of the last
+        iteration, a threshold is divided by 1 + |last value| / (k noise) (Candes et al. 2008), so large
         ones lose less.
         """
         sources, coefficients = [], []
@@ -58,7 +58,7 @@ class Scales:
     def penalty(self, mixture, inverses, kept):
         """Sum of |coefficients| of thresholded sources times their lowest thresholds, mK^2.
 
-        `kept` are those sources, real modes; the thresholds are of the sources that `inverses` make.
+        `kept` are these sources, real modes; the thresholds are those of the sources that `inverses` give.
         """
         total = 0.0
         pairs = zip(self._with_cuts(mixture, inverses), harmonic.from_modes(kept), strict=True)
@@ -68,7 +68,7 @@ class Scales:
         return 4 * np.pi * total
 
     def _with_cuts(self, mixture, inverses):
-        """Of each source the detail scales, the smooth one, and k times the noise of each detail scale."""
+        """For each source, its detail scales, smooth scale, and k times the noise of each detail scale."""
         known = noise_of_scales(self.bands, mixture.source_noise(inverses)).T if self.analytic else None
         for n, alm in enumerate(harmonic.from_modes(mixture.sources(inverses))):
             scales = list(self._decompose(alm))
@@ -93,9 +93,9 @@ class Scales:
 def low_passes(n_scales, lmax, kind):
     """Low passes of the starlet scales, fine to coarse, (n_scales, lmax + 1).
 
-    "cascade" are those of the starlet transform, phi_j(l) = (3/2) b(2^(j + 1) l / lmax) for j = 1, 2, ...
-    with b the cubic B-spline. "ratio" are phi_j / phi_(j - 1), which the transform applies to the last smooth
-    map and C21's code to the map itself, so that its scales are wider.
+    "cascade": those of the starlet transform, phi_j(l) = (3/2) b(2^(j + 1) l / lmax) for j = 1, 2, ...
+    with b the cubic B-spline. "ratio": phi_j / phi_(j - 1), which the transform applies to the last smooth
+    map, but C21's code to the map itself, so its scales are wider.
     """
     passes, degrees = starlet_low_passes(n_scales, lmax), np.arange(lmax + 1)
     if kind == "cascade":
