@@ -1,1 +1,1 @@
-"""What is measured on a cleaned cube; the only rooms that know the truth."""
+"""Measurements on a cleaned cube; only these modules know the truth."""

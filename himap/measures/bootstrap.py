@@ -1,49 +1,49 @@
 """Error bars from a parametric bootstrap of a cleaning.
 
-A member is an estimated foreground, with a mock in place of the HI and noise of the data (Efron 1979;
-`himap.removal.cleaning.Cleaning.resampled`). Cleaned like the data it has the signal loss, the foreground
-residual, and the chance correlation of HI with the foreground.
+A member is an estimated foreground plus a mock in place of the HI and noise of the data (Efron 1979;
+`himap.removal.cleaning.Cleaning.resampled`). Cleaned like the data, it has the same signal loss, foreground
+residual and chance correlation of HI with the foreground.
 """
 
 import numpy as np
 from scipy import stats
 
 KINDS = "angular", "frequency"
-"""Of power spectra."""
+"""Kinds of power spectra."""
 
 LEVEL = 0.01
-"""Of tests for data unlike the mocks."""
+"""Significance level of tests for data unlike the mocks."""
 
 
 def sigma(errors):
-    """68 % error bars, (...), from errors of mocks that are corrected by each other, (n_mocks, ...).
+    """68 % error bars, (...), from errors of mocks, each corrected by the others, (n_mocks, ...).
 
-    Their root mean square times Student's factor: a Gaussian is wider than few of its draws suggest.
+    The root mean square times Student's factor, as a few draws underestimate the width of a Gaussian.
     """
     return _student(len(errors)) * np.sqrt(np.mean(np.square(errors), axis=0))
 
 
 def chance_of(n_sigma, n_mocks):
-    """The probability of a difference of so many error bars, or more, that are a `sigma` of `n_mocks`."""
+    """Probability of a difference of `n_sigma` error bars or more, if these are the `sigma` of `n_mocks`."""
     return 2 * stats.t.sf(n_sigma * _student(n_mocks), n_mocks - 1)
 
 
 def squared_pull(n_mocks):
-    """The mean of (error / `sigma` of `n_mocks`)^2 that true error bars have; infinite for three or fewer.
+    """Expected mean of (error / `sigma` of `n_mocks`)^2 for correct error bars; infinite for three or fewer.
 
-    A Gaussian over a Student: 1 for many, more for few.
+    The error is Gaussian, its scale follows Student: 1 for many mocks, more for few.
     """
     if n_mocks <= 3:
         return np.inf
-    variance = (n_mocks + 1) / n_mocks  # of data corrected by all mocks; the next of mocks, by the others
+    variance = (n_mocks + 1) / n_mocks  # data are corrected by all mocks; a mock (next line) by the others
     of_bars = n_mocks / (n_mocks - 1) * _student(n_mocks) ** 2
     return variance / of_bars * (n_mocks - 1) / (n_mocks - 3)
 
 
 def covariance(errors):
-    """Covariance (n, n) of the errors of mocks, (n_mocks, n), whose diagonal is `sigma` squared.
+    """Covariance (n, n) of errors of mocks, (n_mocks, n); its diagonal is `sigma` squared.
 
-    Its rank is n_mocks at most, so that it is invertible for fewer bins than mocks only.
+    Its rank is n_mocks at most, so it is invertible only for fewer bins than mocks.
     """
     return _student(len(errors)) ** 2 * np.transpose(errors) @ errors / len(errors)
 

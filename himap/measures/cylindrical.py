@@ -1,6 +1,6 @@
-"""Power over wavenumbers across and along the line of sight, of a box that is seen as flat.
+"""Power by wavenumber across and along the line of sight, for a box treated as flat.
 
-P(k) = V / N |sum_x T(x) exp(-i k x)|^2, with N cells of volume V that are seen; T is 0 on other lines of
+P(k) = V / N |sum_x T(x) exp(-i k x)|^2, with N observed cells of volume V; T is 0 on other lines of
 sight. White noise of variance s^2 has P = s^2 V.
 """
 
@@ -25,12 +25,12 @@ class CylindricalPower:
     k_perp, k_par
         Mean over the modes of each bin, h/Mpc, (n_perp,) and (n_par,).
     perp_edges, par_edges
-        Of the bins, one more than these.
+        Edges of the bins, one more than bins.
     power
         (n_par, n_perp), mK^2 (Mpc/h)^3.
     n_modes
-        How many modes a bin has, (n_par, n_perp); of the two k that differ in their sign the one of k_par > 0
-        is counted, and at the Nyquist k_par both.
+        Number of modes in a bin, (n_par, n_perp). Of two k that differ in sign only the one with k_par >
+        0 is counted, but both at the Nyquist k_par.
     """
 
     k_perp: np.ndarray
@@ -44,20 +44,20 @@ class CylindricalPower:
 def cylindrical_power(maps, cell, *, mask=None, most=np.inf):
     """The `CylindricalPower` of maps, less the mean of every channel.
 
-    Modes with k_perp = 0, which those means are, and with k_par = 0 are excluded, and so are those beyond the
-    bin of the smaller of the Nyquist wavenumbers across. With a mask W the means have a share of
-    ``|W(k_perp) / W(0)|^2`` of the power of white noise in other modes too, which is restored.
+    Modes with k_perp = 0, which are these means, and with k_par = 0 are excluded, and so are modes beyond the
+    bin of the smaller Nyquist wavenumber across. With a mask W, subtracting the means also removes a share
+    ``|W(k_perp) / W(0)|^2`` of the power of white noise in other modes; this is restored.
 
     Parameters
     ----------
     maps
         (n_channels, n_y, n_x), mK; masked pixels may have any value.
     cell
-        Sides of a cell along these axes, Mpc/h: along the line of sight, and across.
+        Sides of a cell along the three axes, Mpc/h: along the line of sight, and across.
     mask
         (n_y, n_x) bool, True where seen; None for all.
     most
-        Bins of k_perp end below it, h/Mpc, but for the first.
+        Upper limit of the edges of k_perp bins, h/Mpc, except for the first bin.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def cylindrical_power(maps, cell, *, mask=None, most=np.inf):
     Raises
     ------
     InputError
-        Maps of another shape, or too few cells for a mode along or across; a bad cell or mask.
+        For maps of another shape, too few cells for a mode along or across, or an invalid cell or mask.
     """
     maps, seen = _check_input(maps, cell, mask)
     n_channels, n_y, n_x = maps.shape
@@ -91,7 +91,7 @@ def cylindrical_power(maps, cell, *, mask=None, most=np.inf):
 
     total = along @ np.array([across(plane.real**2 + plane.imag**2) for plane in modes])
     in_row, in_column = along.sum(axis=1), across(np.ones(k_perp.shape))
-    with_means = across(1 - np.abs(fft.fft2(seen) / seen.sum()) ** 2)  # how many modes they leave
+    with_means = across(1 - np.abs(fft.fft2(seen) / seen.sum()) ** 2)  # number of modes without the means
     n_modes = np.outer(in_row, in_column.astype(int))
     return CylindricalPower(
         k_perp=quotient(across(k_perp), in_column, np.nan),
@@ -125,7 +125,7 @@ def _check_input(maps, cell, mask):
 
 
 def _edges(step, top):
-    """Edges of bins, at halves between multiples of `step`, even in the logarithm where these are many."""
+    """Edges of bins, halfway between multiples of `step`, even in the logarithm where these are many."""
     edges = [0.5]
     while edges[-1] * step < top:
         edges.append(max(edges[-1] + 1, np.floor(edges[-1] * 10 ** (1 / _PER_DECADE)) + 0.5))
@@ -133,10 +133,10 @@ def _edges(step, top):
 
 
 def cell_of(freqs, angles):
-    """Sides of a voxel in Mpc/h, along the line of sight and across, (3,), and the redshift they are at.
+    """Sides of a voxel in Mpc/h, along the line of sight and across, (3,), and their redshift.
 
-    Across they are the comoving distance to the middle of the band times the angles; along, the mean
-    distance of two channels.
+    Across, they are the comoving distance to the middle of the band times the angles; along, the mean
+    distance between two channels.
 
     Parameters
     ----------
@@ -148,9 +148,9 @@ def cell_of(freqs, angles):
     Raises
     ------
     InputError
-        Channels that are not evenly spaced, or from which no 21 cm line is seen, or from beyond redshift 5.
+        If channels are not evenly spaced, or show no 21 cm line, or one beyond redshift 5.
     """
-    from himap.sky.cosmology import FREQ_21CM, Cosmology, redshift  # slow: most who clean do without
+    from himap.sky.cosmology import FREQ_21CM, Cosmology, redshift  # slow, and rarely needed for a cleaning
 
     if len(freqs) < 2:
         raise InputError("a cell along the line of sight needs two channels at least, got one.")

@@ -1,4 +1,4 @@
-"""How good a cleaning is, measured against the truth."""
+"""Quality of a cleaning, measured against the truth."""
 
 from dataclasses import dataclass, replace
 
@@ -8,7 +8,7 @@ from himap.core.errors import InputError
 from himap.measures.spectra import PowerSpectra
 
 BUMP = (0.25, 0.38)
-"""k around 2 pi / 20 MHz, 1/MHz, where the ripple of the oscillating beam shows."""
+"""k around 2 pi / 20 MHz, 1/MHz, where the ripple of the oscillating beam appears."""
 
 FREQUENCY_BANDS = {"0-0.03": (0, 0.03), "0.03-0.1": (0.03, 0.1), "k > 0.1": (0.1, np.inf)}
 """Bands of k, 1/MHz."""
@@ -17,13 +17,13 @@ BANDS = {
     f"C/C0, {first}-{last}": ("angular", first - 0.5, last + 0.5)
     for first, last in ((2, 4), (5, 9), (10, 19), (20, 39), (40, 99), (100, 200))
 } | {f"P/P0, {name}": ("frequency", *ends) for name, ends in FREQUENCY_BANDS.items()}
-"""{name: ("angular" or "frequency", what l or k lie above, and below)}."""
+"""{name: ("angular" or "frequency", lower and upper limit of l or k, both excluded)}."""
 
 JUDGED = ("C/C0, 10-19", "C/C0, 20-39", "C/C0, 40-99", "P/P0, 0.03-0.1", "P/P0, k > 0.1")
-"""Those by which cleanings are judged: below are few multipoles, and slow modes are lost with any beam."""
+"""Bands used to judge cleanings: below are few multipoles, and slow modes are lost with any beam."""
 
 FAILING = 0.1
-"""To *fail* is to be off by more than this in the mean |C/C0 - 1| for 10 < l < 200, or up to 2 nside."""
+"""A cleaning *fails* if its mean |C/C0 - 1| for 10 < l < 200, or up to 2 nside, exceeds this."""
 
 MSE_DEFINITIONS = {
     "relative": lambda over, true: np.mean((over - 1) ** 2),
@@ -40,7 +40,7 @@ def ratio(recovered, true):
     Raises
     ------
     InputError
-        Spectra of different shapes, or a true one that is not positive.
+        If spectra have different shapes, or the true one is not positive.
     """
     recovered, true = np.asarray(recovered, dtype=float), np.asarray(true, dtype=float)
     if recovered.shape != true.shape:
@@ -51,16 +51,16 @@ def ratio(recovered, true):
 
 
 def bands(angular, frequency, table=BANDS, *, complete=True):
-    """The bands that some l (n_l,) and k (n_k,), 1/MHz, reach, {name: (kind, which elements lie in it)}.
+    """Bands that contain some of l (n_l,) and k (n_k,), 1/MHz, {name: (kind, which elements are inside)}.
 
     Parameters
     ----------
     angular, frequency
-        l and k, ascending; l may be the middles of bins.
+        l and k, ascending; l may be centres of bins.
     table
-        As `BANDS`.
+        Bands in the form of `BANDS`.
     complete
-        Whether a band of l must be reached to its end.
+        Whether l must reach the end of a band.
     """
     x = {"angular": angular, "frequency": frequency}
     found = {name: (kind, _within(x[kind], low, high)) for name, (kind, low, high) in table.items()}
@@ -74,7 +74,7 @@ def bands(angular, frequency, table=BANDS, *, complete=True):
 def band_means(ratios, angular, frequency, table=BANDS, *, complete=True):
     """Means of ratios over the `bands` that some l (n_l,) and k (n_k,), 1/MHz, reach, {band: (...)}.
 
-    `ratios` are {"angular": (..., n_l), "frequency": (..., n_k)}, or other values there.
+    `ratios` are {"angular": (..., n_l), "frequency": (..., n_k)}, or other values at these l and k.
     """
     reached = bands(angular, frequency, table, complete=complete)
     return {name: ratios[kind][..., inside].mean(axis=-1) for name, (kind, inside) in reached.items()}
@@ -85,12 +85,12 @@ def _within(x, low, high):
 
 
 def inside(x, values, low, high):
-    """The `values` where low < x < high.
+    """The `values` with low < x < high.
 
     Raises
     ------
     InputError
-        There is none.
+        If there are none.
     """
     there = _within(x, low, high)
     if not there.any():
@@ -104,14 +104,14 @@ def inside(x, values, low, high):
 def mean_squared_error(recovered, true, definition="relative"):
     """Mean squared error of one spectrum, a number without unit; see `MSE_DEFINITIONS`.
 
-    The total of the paper's Fig. 3 is read as the sum of that of C_l and that of P(k), so that both
-    count alike although their units differ. It is infinite where the recovered spectrum is not finite, or
-    for "logarithmic" not positive, as of a run that failed.
+    The total of the paper's Fig. 3 is taken as the sum of the errors of C_l and of P(k), so that both
+    count equally although their units differ. It is infinite if the recovered spectrum is not finite, or,
+    for "logarithmic", not positive, for example of a failed run.
 
     Raises
     ------
     InputError
-        An unknown definition, or spectra that `ratio` refuses.
+        For an unknown definition, or spectra that `ratio` refuses.
     """
     if definition not in MSE_DEFINITIONS:
         raise InputError(f"unknown definition {definition!r}; there are {', '.join(MSE_DEFINITIONS)}.")
@@ -129,15 +129,15 @@ def flagged_lines(errors):
 def error_variance(recovered, true):
     """Variance over channels of R_l = (C_l true - C_l) / C_l true, (n_l,) (paper, Eqs. A.2 and A.3).
 
-    Both (n_channels, n_l). It is a variance about the mean over channels, so that a method which is wrong
-    everywhere alike has none.
+    Both are (n_channels, n_l). This is a variance about the mean over channels, so an error that is the same
+    in all channels does not contribute.
     """
     return np.var(1 - ratio(recovered, true), axis=0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Assessment:
-    """How well a method did on a case, measured against the truth.
+    """Quality of the result of a method, measured against the truth.
 
     Attributes
     ----------
@@ -152,8 +152,8 @@ class Assessment:
     mixing
         The mixing matrix of the method, (n_channels, n_sources).
     cut_truth
-        `PowerSpectra` of the truth up to the multipole at which the residual ends, a second measure: all else
-        is compared with the truth at every multipole. None where the residual does not end.
+        `PowerSpectra` of the truth up to the multipole at which the residual ends, a second measure: all
+        others use the truth at every multipole. None if the residual does not end.
     diagnostics
         As in `himap.removal.base.Separation`.
     """
@@ -178,18 +178,18 @@ AVERAGES = {
     "ratios": _mean_ratio,
     "middle": lambda recovered, true: (recovered[len(true) // 2], true[len(true) // 2]),
 }
-"""{average over channels: function from C_l (n_channels, n_l), recovered and true, to one of each, (n_l,)},
-of which C/C0 is the quotient: of the means, the mean of the quotients, or that of the middle channel."""
+"""{average over channels: function from recovered and true C_l (n_channels, n_l) to one of each, (n_l,)}.
+C/C0 is their quotient: of the means, the mean of the quotients, or that of the middle channel."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Both spectra of a residual, and those of the truth.
+    """Both spectra of a residual and of the truth.
 
     Attributes
     ----------
     degrees, angular, true_angular
-        l, from 2, and C_l averaged over channels as one of `AVERAGES`, mK^2, (n_l,).
+        l, from 2, and C_l averaged over channels by one of `AVERAGES`, mK^2, (n_l,).
     k, frequency, true_frequency
         k, above 0, 1/MHz, and P(k), mK^2 MHz, (n_k,).
     """
@@ -203,9 +203,9 @@ class Comparison:
 
     @classmethod
     def of(cls, recovered, true, *, l_top, average="means"):
-        """From two `PowerSpectra`, for 2 <= l <= l_top where the recovered one has C_l, and k > 0.
+        """Compare two `PowerSpectra`, for 2 <= l <= l_top where the recovered one has C_l, and k > 0.
 
-        C_l is averaged over channels as one of `AVERAGES`.
+        C_l is averaged over channels by one of `AVERAGES`.
         """
         degrees = true.angular.degrees[: len(recovered.angular.degrees)]
         inside = np.flatnonzero((degrees >= 2) & (degrees <= l_top))
@@ -240,7 +240,7 @@ class Comparison:
         Returns
         -------
         dict
-            {name: value}, without the bands that hold none of the values.
+            {name: value}, without empty bands.
         """
         ends = [(low, min(high, int(self.degrees[-1]))) for low, high in ((1, 10), (10, 200))]
         table = {f"C/C0, {low} < l < {high}": ("angular", low, high) for low, high in ends}
@@ -254,12 +254,12 @@ class Comparison:
 
     @property
     def fails(self):
-        """Whether the mean |C/C0 - 1| for 10 < l < 200 is not within `FAILING`; never where l ends before."""
+        """Whether the mean |C/C0 - 1| for 10 < l < 200 exceeds `FAILING`; False if l ends before."""
         inside = _within(self.degrees, 10, 200)
         return bool(inside.any() and not np.abs(self.angular_ratio[inside] - 1).mean() <= FAILING)
 
     def in_bins_of(self, other):
-        """With C_l averaged over the bins of `other`, all of one width, as far as this one covers them."""
+        """The same with C_l averaged over the bins of `other`, all of one width, as far as l reaches."""
         width = other.degrees[1] - other.degrees[0]
         inside = np.abs(self.degrees - other.degrees[:, None]) < width / 2
         covered = inside.sum(axis=1) == round(width)

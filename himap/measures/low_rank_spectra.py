@@ -1,9 +1,9 @@
-"""Spectra of a cleaned cube that follow from its error, recovered - truth, as a few spectra times maps.
+"""Spectra of a cleaned cube computed from its error, recovered - truth, as a few spectra times maps.
 
-An observation is the truth and a few spectra times maps, and a method subtracts a few spectra times maps. So
-its error is such a sum too, and neither means over lines of sight nor C_l of the recovered cube need that
-cube: they follow from those of the truth, of the truth with the maps of the error, and of these with each
-other.
+An observation is the truth plus a few spectra times maps, and a method subtracts a few spectra times maps. So
+its error is such a sum too, and means over lines of sight and C_l of the recovered cube do not require that
+cube: they follow from those of the truth, of the truth with the maps of the error, and of these maps with
+each other.
 """
 
 from dataclasses import dataclass, replace
@@ -18,22 +18,22 @@ from himap.maps.masks import mask_weights
 from himap.measures.spectra import BLOCK, checked_maps, decouple, tapered_modes, weighted
 
 FAINT = 3e-8
-"""Of the variance of the truth, summed over channels: terms of an error that no spectrum shows."""
+"""Share of the variance of the truth, summed over channels: terms of an error below it are invisible."""
 
-_CHANNELS = 16  # at a time
-_MOST = 0.7  # of the sky kept: a rough analysis of the rest costs C_l 0.3 % at nside < l < 2 nside
-_MINOR = 1e-3  # of the variance of a channel of the truth: a rough analysis, good to percents, will do
+_CHANNELS = 16  # processed at a time
+_MOST = 0.7  # kept share of the sky: a rough analysis of the rest changes C_l by 0.3 % at nside < l < 2 nside
+_MINOR = 1e-3  # of the variance of a channel of the truth: an analysis accurate to percents suffices
 
 
 def difference(recovered, truth, *, mask=None):
     """recovered - truth of two cubes (n_channels, n_pix), mK, a `LowRankCube` without its faintest terms.
 
-    Where the `mask` (n_pix,), bool or weights, is zero, both may be anything and the maps are zero.
+    Where the `mask` (n_pix,), bool or weights, is zero, values are ignored and the maps are zero.
 
     Raises
     ------
     InputError
-        Cubes of different shapes or that are not finite where kept, or a bad mask.
+        For cubes of different shapes or not finite where kept, or an invalid mask.
     """
     (recovered, weights), (truth, _) = checked_maps(recovered, mask), checked_maps(truth, mask)
     if recovered.shape != truth.shape:
@@ -62,26 +62,26 @@ def difference(recovered, truth, *, mask=None):
 
 
 def frequency_power_without(total, removed, channel_width, cube, error=None):
-    """`FrequencyPower` of a cube, plus its error, without some lines of sight, from `total`, that of all.
+    """`FrequencyPower` of a cube plus its error without some lines of sight, from `total`, that of all.
 
-    Only the lines that are removed are read: their power is subtracted from a sum whose rounding stays, 1e-7
-    of what `total` has of a float32 cube. So they may be far brighter than the others in the error only.
+    Only the removed lines are read: their power is subtracted from a sum with a rounding error of 1e-7 of
+    `total` for a float32 cube. So only the error, not the cube, may be far brighter there than elsewhere.
 
     Parameters
     ----------
     total
         `FrequencyPower` of the sum.
     removed
-        The lines to leave out, (n_pix,) bool.
+        The lines to exclude, (n_pix,) bool.
     channel_width
         MHz.
     cube, error
-        (n_channels, n_pix), mK, and a `LowRankCube` or None: read where `removed`, and for channel means.
+        (n_channels, n_pix), mK, and a `LowRankCube` or None: read on removed lines, and for channel means.
 
     Raises
     ------
     InputError
-        No line is kept.
+        If no line is kept.
     """
     (n_channels, n_pix), pixels = cube.shape, np.flatnonzero(removed)
     if not (n_kept := n_pix - len(pixels)):
@@ -95,7 +95,7 @@ def frequency_power_without(total, removed, channel_width, cube, error=None):
         modes = tapered_modes(lines if error is None else lines + error.lines(block), total.taper)
         squares += np.sum(modes.real**2 + modes.imag**2, axis=1)
         sums += modes.sum(axis=1)
-    # The other lines add up to -sums, and each is to be less the mean of these.
+    # The other lines add up to -sums, and their mean must be subtracted from each.
     squares += np.abs(sums) ** 2 / n_kept
     power = (n_pix * total.power - squares * channel_width / n_channels) / n_kept
     return replace(total, power=power)
@@ -104,7 +104,7 @@ def frequency_power_without(total, removed, channel_width, cube, error=None):
 def line_errors(error):
     """Mean squared error of every line of sight, (n_pix,), mK^2 (paper, Sect. 5.1), of a `LowRankCube`.
 
-    The mean of each channel over the sky, which no method recovers, is no error.
+    The mean of each channel over the sky, which no method recovers, is not counted as error.
     """
     gram = error.spectra.T @ error.spectra / len(error.spectra)
     means = error.maps.mean(axis=1, keepdims=True)
@@ -116,22 +116,22 @@ def line_errors(error):
 
 
 def masked_alms(maps, *, mask=None, alms=None):
-    """Coefficients of every channel less its mean, times the mask, to 3 nside - 1, (n_channels, n_alm).
+    """Coefficients to 3 nside - 1 of every channel less its mean, times the mask, (n_channels, n_alm).
 
     Parameters
     ----------
     maps, mask
-        As in `angular_power`; complex64 comes from maps in float32.
+        As in `angular_power`; float32 maps give complex64.
     alms
-        Coefficients of the maps without a mask, to 3 nside - 1, where they are known: if the mask keeps
-        most of the sky, only what it removes is transformed. That is little: plain quadrature does for it.
-        Or a function of a slice of channels that makes theirs, which needs no copy of them.
+        Coefficients of the maps without a mask, to 3 nside - 1, if known: if the mask keeps most of the
+        sky, only the faint removed part is transformed, for which plain quadrature is enough. Or a
+        function of a slice of channels that returns theirs, which needs no copy of them.
 
     Raises
     ------
     InputError
-        As `angular_power`; coefficients of another shape than the maps, or with them maps that are not finite
-        everywhere.
+        See `angular_power`; also for coefficients that do not match the maps, or, if these are given,
+        maps that are not finite everywhere.
     """
     maps, weights = checked_maps(maps, mask)
     if alms is not None:
@@ -161,7 +161,7 @@ def masked_alms(maps, *, mask=None, alms=None):
 
 
 def masked_power(alms, mask=None):
-    """`AngularPower` of coefficients (n_channels, n_alm) of a cube times this mask, as of `masked_alms`."""
+    """`AngularPower` of coefficients (n_channels, n_alm) of a cube times this mask (see `masked_alms`)."""
     if mask is None:
         return decouple(sphere.power_spectrum(alms))
     _check_alms(alms, (len(alms), len(mask)))
@@ -176,28 +176,28 @@ def recovered_power(truth_alms, error, *, mask=None, true=None):
     Parameters
     ----------
     truth_alms
-        Coefficients (n_channels, n_alm) of the truth as `masked_alms` has them, or those that the truth was
-        made from. In place of the truth any cube will do that differs from the recovered one by few spectra.
+        Coefficients (n_channels, n_alm) of the truth as returned by `masked_alms`, or those used to make
+        it. Instead of the truth, any cube that differs from the recovered one by few spectra will do.
         Without a mask they may end at any l, and the spectra end there. Or, with `true`, a function of a
-        slice of channels that makes theirs, so that those of all channels are never in memory.
+        slice of channels that returns theirs, so that those of all channels are never in memory.
     error
-        recovered - truth, a `LowRankCube` of `difference` or `LowRankCube.truncate`: products are in single
-        precision, which terms that cancel would not survive.
+        recovered - truth, a `LowRankCube` from `difference` or `LowRankCube.truncate`: products are in
+        single precision, so terms must not cancel.
     mask
-        As in `angular_power`, that of `truth_alms`.
+        As in `angular_power`, the mask of `truth_alms`.
     true
-        Their `AngularPower` at every l, without a mask, where it is known.
+        Their `AngularPower` at every l, without a mask, if known.
 
     Returns
     -------
     AngularPower
-        As `angular_power` gives it: up to l = 2 nside to 1 % in a single channel at a single l, and to 0.1 %
-        in the mean over channels.
+        As from `angular_power`, up to l = 2 nside to 1 % in a single channel at a single l, and to 0.1 %
+        averaged over channels.
 
     Raises
     ------
     InputError
-        A bad mask; coefficients that are not those of the channels of the error, or with a mask not to
+        For an invalid mask; coefficients of other channels than the error, or with a mask not to
         3 nside - 1; a function with a mask or without `true`.
     """
     n_channels, n_pix = len(error.spectra), error.maps.shape[1]
@@ -212,7 +212,7 @@ def recovered_power(truth_alms, error, *, mask=None, true=None):
     alms = np.empty((len(error.maps), sphere.alm_size(lmax)), dtype=np.complex64)
     for spectrum, pixels, alm in zip(error.spectra.T, error.maps, alms, strict=True):
         maps = weighted(pixels, weights)
-        # Of a term that is minor against the truth in every channel a rough analysis will do.
+        # A rough analysis is enough for a term that is minor in every channel.
         minor = (spectrum**2 * np.mean(maps**2) < _MINOR * variance).all()
         alm[:] = sphere.analyse(maps.astype(np.float32), lmax, n_iter=0 if minor else sphere.N_ITER)
     pseudo = np.empty((n_channels, lmax + 1))
@@ -240,13 +240,13 @@ class Moments:
     Attributes
     ----------
     variance
-        Of T in every channel, (n_channels,), mK^2.
+        Variance of T in every channel, (n_channels,), mK^2.
     cross
         Mean of T M, (n_channels, n_modes).
     gram
         Mean of M M^T, (n_modes, n_modes).
     spectra
-        Of the error, (n_channels, n_modes).
+        Spectra of the error, (n_channels, n_modes).
     """
 
     variance: np.ndarray
@@ -256,9 +256,9 @@ class Moments:
 
     @classmethod
     def of(cls, truth, error, *, mask=None):
-        """Of a cube (n_channels, n_pix) and a `LowRankCube`, over the lines in `mask` (n_pix,) bool.
+        """Moments of a cube (n_channels, n_pix) and a `LowRankCube`, over the lines in `mask` (n_pix,) bool.
 
-        Both less their means over these lines; no copy of the cube is made.
+        Means over these lines are subtracted from both; no copy of the cube is made.
         """
         n_channels, n_pix = truth.shape
         maps = error.maps if mask is None else error.maps[:, mask]
@@ -294,10 +294,10 @@ class Moments:
         return np.divide(self.variance + common, size, out=np.full(len(size), np.nan), where=size > 0)
 
     def frequency_power(self, true, channel_width):
-        """`FrequencyPower` of T with its error, from that of T on the same lines of sight.
+        """`FrequencyPower` of T plus its error, given that of T on the same lines of sight.
 
-        The Fourier transform along a line is linear, with a taper too: what it makes of the products of T
-        with the maps, and of the spectra, is all that the power lacks.
+        The Fourier transform along a line is linear, also with a taper: only the transforms of the spectra
+        and of the products of T with the maps are missing.
         """
         spectra, cross = (tapered_modes(one, true.taper) for one in (self.spectra, self.cross))
         more = 2 * np.einsum("km,km->k", spectra.conj(), cross).real

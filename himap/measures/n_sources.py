@@ -1,23 +1,23 @@
-"""The number of sources to remove, without knowing the truth: criteria, from the residual of each number.
+"""Choose the number of sources to remove without the truth: criteria on the residual for each number.
 
 Numbers of sources are `counts`, ascending by one. `variances` (n, n_channels), mK^2, are those of the
-residuals; `spectra` a list, one entry for each, of arrays such as their C_l and P(k).
+residuals. `spectra` is a list with arrays for each number, such as C_l and P(k).
 """
 
 import numpy as np
 
 STABLE = 0.1
-"""Relative change of a spectrum with one source more, in the mean over scales, below which it is stable."""
+"""Relative change of a spectrum for one more source, averaged over scales, below which it is stable."""
 
 _STANDS_OUT = 3.0  # times the line of HI and noise: an eigenvalue with foreground in it
-_BULK = (0.2, 0.8)  # of the components: HI and noise for sure
+_BULK = (0.2, 0.8)  # range of components that are certainly HI and noise
 
 
 def eigenvalue_line(values):
-    """A straight line through the logarithms of the eigenvalues of HI and noise, extrapolated to the others.
+    """Fit a straight line to the logarithms of the eigenvalues of HI and noise, extrapolated to the others.
 
-    `values` (n,) descend; the line is fitted to those from a fifth to four fifths of their number, none
-    below the rounding of the first; never to the first itself, unless there are but two.
+    `values` (n,) descend. The line is fitted to those from a fifth to four fifths of their number that are
+    above the rounding of the first, and never to the first itself unless there are only two.
     """
     number = np.arange(len(values))
     first, last = (int(share * len(values)) for share in _BULK)
@@ -29,17 +29,17 @@ def eigenvalue_line(values):
 
 
 def n_significant(values):
-    """How many of the first eigenvalues are above three times the `eigenvalue_line`."""
+    """Number of leading eigenvalues above three times the `eigenvalue_line`."""
     return int(np.argmin(values > _STANDS_OUT * eigenvalue_line(values)))
 
 
 def information(variances, counts, n_pix, *, n_seen=None, kind="bic"):
-    """An information criterion over the number of voxels, minus its minimum, (n,).
+    """An information criterion per voxel, minus its minimum, (n,).
 
-    The mean over channels of ln(variance), and ln(n_pix) / n_pix ("bic", Schwarz 1978) or 2 / n_pix ("aic",
-    Akaike 1974) for each number in the mixing matrix and the sources, over the number of channels. Where
-    voxels are missing, `n_seen` (n_channels,) says how many of each channel are there: the logarithms count
-    by that, and its mean is in the place of n_pix, but for how many numbers the sources have.
+    The mean over channels of ln(variance), plus ln(n_pix) / n_pix ("bic", Schwarz 1978) or 2 / n_pix ("aic",
+    Akaike 1974) for each number in the mixing matrix and the sources, over the number of channels. If voxels
+    are missing, `n_seen` (n_channels,) is the number observed in each channel: it weights the logarithms, and
+    its mean replaces n_pix, except in the count of numbers in the sources.
     """
     n_channels = variances.shape[1]
     n_samples = n_pix if n_seen is None else np.mean(n_seen)
@@ -50,7 +50,7 @@ def information(variances, counts, n_pix, *, n_seen=None, kind="bic"):
 
 
 def changes(spectra):
-    """Relative change to the next number, in the mean over scales, of what changes most, (n - 1,)."""
+    """Relative change of spectra to the next number, averaged over scales, of the largest one, (n - 1,)."""
     return np.array(
         [
             max(float(np.mean(np.abs(b / a - 1))) for a, b in zip(fewer, more, strict=True))
@@ -60,6 +60,6 @@ def changes(spectra):
 
 
 def settled(change, counts, limit=STABLE):
-    """The first number from which spectra change by less than `limit` to the next, or None."""
+    """The first number from which spectra change by less than `limit` with one more, or None."""
     stable = change < limit
     return int(counts[stable.argmax()]) if stable.any() else None

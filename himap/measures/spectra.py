@@ -18,7 +18,7 @@ from himap.maps.low_rank import blocks
 from himap.maps.masks import bin_matrix, mask_weights
 
 BLOCK = 4096
-"""Lines of sight at a time: their float64 copy stays small."""
+"""Lines of sight per block, to keep their float64 copy small."""
 
 _MAX_CONDITION = 1e6  # beyond it decoupling amplifies rounding of float32 maps to the size of the signal
 
@@ -37,17 +37,17 @@ class AngularPower:
 
     @property
     def variance(self):
-        """Variance over the sphere of every channel, (n_channels,), mK^2, where there is a C_l at every l."""
+        """Variance over the sphere of every channel, (n_channels,), mK^2; requires C_l at every l."""
         return self.cl @ (2 * self.degrees + 1) / (4 * np.pi)
 
     def upto(self, lmax):
-        """The same to `lmax`, or as it is for None."""
+        """The same up to `lmax`; unchanged if None."""
         inside = slice(None) if lmax is None else self.degrees <= lmax
         return AngularPower(degrees=self.degrees[inside], cl=self.cl[:, inside])
 
 
 TAPERS = {"none": None, "hann": lambda x: 1 + np.cos(2 * np.pi * x)}
-"""{taper of a line of sight before its Fourier transform: function of the place in the band, -1/2 to 1/2}."""
+"""{taper of a line of sight before its Fourier transform: function of position in the band, -1/2 to 1/2}."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ class FrequencyPower:
 def tapered_modes(lines, taper):
     """Fourier transform along frequency of lines of sight times a taper, (n_channels, ...) to (n_k, ...).
 
-    The mean square of the taper, one of `TAPERS`, is made 1, so that white noise keeps its power.
+    The taper, one of `TAPERS`, is normalised to a mean square of 1, so white noise keeps its power.
     """
     if TAPERS[taper] is not None:
         n_channels = len(lines)
@@ -81,16 +81,15 @@ class PowerSpectra:
 
 
 def angular_power(maps, *, mask=None, bin_width=None):
-    """`AngularPower` of every channel, to l = 3 nside - 1.
+    """`AngularPower` of every channel, up to l = 3 nside - 1.
 
-    With a mask the pseudo-C_l are decoupled by the mask's mode-coupling matrix (MASTER, Hivon et al.
-    2002), in bins of l. If the binned matrix cannot be inverted reliably, a warning is given and
-    the pseudo-C_l are divided by the kept fraction of the sky, the mean of the squared weights, instead.
-    The mean over the mask is removed from every channel and not restored: the bin of l = 0 and 1, or l = 0
-    where each l is a bin, then has no meaning.
-    Those of a spectrum that falls steeply in a bin are not exactly its mean there: of (l + 3)^-2 the first
-    two bins are 10 % low with 30 % of the sky and 25 % with 10 %, further ones 2 to 4 %; ratios to a truth
-    with the same mask are right.
+    With a mask the pseudo-C_l are decoupled by the mask's mode-coupling matrix (MASTER, Hivon et al. 2002),
+    in bins of l. If the binned matrix cannot be inverted reliably, a warning is issued and the pseudo-C_l are
+    divided by the mean of the squared weights, the kept fraction of the sky, instead. The mean over the mask
+    is subtracted from every channel and not restored: the bin of l = 0 and 1, or l = 0 for bins of one l, is
+    then meaningless. A bin of a steep spectrum differs slightly from the mean of the spectrum: for (l + 3)^-2
+    the first two bins are 10 % low with 30 % of the sky and 25 % with 10 %, further ones 2 to 4 %; ratios to
+    a truth with the same mask are right. with the same mask are right.
 
     Parameters
     ----------
@@ -99,12 +98,12 @@ def angular_power(maps, *, mask=None, bin_width=None):
     mask
         (n_pix,) bool, True where kept, or weights between 0 and 1; None for the full sky.
     bin_width
-        Multipoles per bin; 1 / f_sky rounded up unless given, so 1 on the full sky.
+        Multipoles per bin; default: 1 / f_sky rounded up, so 1 on the full sky.
 
     Raises
     ------
     InputError
-        A mask of the wrong shape or that keeps nothing, or a bad bin width.
+        If the mask has the wrong shape or keeps nothing, or the bin width is invalid.
     """
     maps, weights = checked_maps(maps, mask)
     lmax = 3 * sphere.nside_of(maps) - 1
@@ -117,10 +116,10 @@ def angular_power(maps, *, mask=None, bin_width=None):
 
 
 def decouple(pseudo, weights=None, bin_width=None):
-    """`AngularPower` of pseudo-C_l (n_channels, lmax + 1), mK^2, in bins of l as of `angular_power`.
+    """`AngularPower` of pseudo-C_l (n_channels, lmax + 1), mK^2, in bins of l as in `angular_power`.
 
-    `weights` (n_pix,) are those of the mask, whose coupling of multipoles is undone, or if that cannot be
-    inverted with a warning their mean square; None for the full sky.
+    `weights` (n_pix,) are those of the mask, whose mode coupling is inverted, or, if this is impossible, only
+    divided by their mean square, with a warning; None for the full sky.
     """
     lmax = pseudo.shape[1] - 1
     if bin_width is None:
@@ -144,7 +143,7 @@ def decouple(pseudo, weights=None, bin_width=None):
 
 
 def weighted(pixels, weights):
-    """One map (n_pix,) less its weighted mean, times its weights; 0 where these are 0."""
+    """One map (n_pix,) less its weighted mean, times its weights; 0 where the weights are 0."""
     if (weights == 1).all():
         return pixels - pixels.mean(dtype=np.float64)
     kept = weights > 0
@@ -157,12 +156,12 @@ def quotient(power, ratio, fill=0.0):
 
 
 def checked_maps(maps, mask):
-    """Maps (n_channels, n_pix) and the weights (n_pix,) of a mask; where these are 0 it may be anything.
+    """Maps (n_channels, n_pix) and the weights (n_pix,) of a mask; maps are not checked where these are 0.
 
     Raises
     ------
     InputError
-        Maps that are not finite where kept, or a bad mask.
+        If maps are not finite where kept, or the mask is invalid.
     """
     maps = real_array("maps", maps)
     shape = maps.shape
@@ -173,8 +172,8 @@ def checked_maps(maps, mask):
 def frequency_power(maps, channel_width, *, mask=None, taper="none"):
     """`FrequencyPower`, averaged over lines of sight.
 
-    ``P(k) = <|dnu FFT_nu(T - mean)|^2> / (n_channels dnu)`` at k = 2 pi n / (n_channels dnu), n from 0 to
-    n_channels // 2, with the mean over the sky of each channel.
+    ``P(k) = <|dnu FFT_nu(T - mean)|^2> / (n_channels dnu)`` at k = 2 pi n / (n_channels dnu), n = 0 to
+    n_channels // 2, less the mean over the sky of each channel.
 
     Parameters
     ----------
@@ -183,14 +182,14 @@ def frequency_power(maps, channel_width, *, mask=None, taper="none"):
     channel_width
         MHz.
     mask
-        As in `angular_power`; weights count once in the mean over lines of sight.
+        As in `angular_power`; weights enter the mean linearly over lines of sight.
     taper
         A name in `TAPERS`; its mean square is 1.
 
     Raises
     ------
     InputError
-        A bad mask, a channel width that is not a positive number, or an unknown taper.
+        For an invalid mask or taper, or a channel width that is not a positive number.
     """
     maps, weights = checked_maps(maps, mask)
     if not (isinstance(channel_width, numbers.Real) and 0 < channel_width < np.inf):

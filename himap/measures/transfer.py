@@ -1,9 +1,9 @@
-"""Signal loss and foreground residual of a cleaning, from mocks whose truth is known.
+"""Signal loss and foreground residual of a cleaning, measured on mocks with known truth.
 
-A mock takes the place of the HI and noise of the data and is cleaned with their foreground, as that is known
-(a parametric bootstrap, Efron 1979); or it is added to the data d, and clean(d + m) - clean(d) comes back of
-it (Switzer et al. 2013). All is kept by multipole and by wavenumber along frequency, of which C_l and P(k)
-are sums.
+A mock replaces the HI and noise of the data and is cleaned with their estimated foreground (a parametric
+bootstrap, Efron 1979); or it is added to the data d, and clean(d + m) - clean(d) is its output (Switzer
+et al. 2013). All powers are kept by multipole and by wavenumber along frequency; C_l and P(k) are sums
+of these.
 """
 
 import itertools
@@ -23,14 +23,14 @@ from himap.removal.harmonic import to_modes
 
 @dataclass(frozen=True, kw_only=True)
 class HarmonicPower:
-    """Power by multipole l and wavenumber k along frequency, P_l(k), of one cube or of two with each other.
+    """Power by multipole l and wavenumber k along frequency, P_l(k): of one cube, or cross power of two.
 
     Attributes
     ----------
     power
         P_l(k), mK^2 MHz, (n_l, n_k): the mean over the modes of one l of |dnu FFT_nu a_lm|^2 over the band.
     n_channels, channel_width
-        Of the cube; MHz.
+        Number of channels of the cube, and their width in MHz.
     """
 
     power: np.ndarray
@@ -54,7 +54,7 @@ class HarmonicPower:
 
     @property
     def neighbours(self):
-        """Cross C_l of channels and the next, mK^2, (n_l,); that of the last and the first is one of them."""
+        """Cross C_l of neighbouring channels, mK^2, (n_l,); includes the pair of last and first channel."""
         return self._correlation(1)
 
     def _correlation(self, lag):
@@ -71,13 +71,13 @@ class HarmonicPower:
         return (2 * self.degrees + 1) @ self.power / (4 * np.pi)
 
     def less(self, other):
-        """The same less the power of another cube, which may end at another l: beyond that nothing."""
+        """This power less that of another cube, which may end at another l: beyond, zero is subtracted."""
         power, n_l = self.power.copy(), min(len(self.power), len(other.power))
         power[:n_l] -= other.power[:n_l]
         return replace(self, power=power)
 
     def binned(self, edges):
-        """Means over the modes in bins of l, from one of the `edges` to below the next, (n_bins, n_k)."""
+        """Means over modes in bins of l, each from one of the `edges` to below the next, (n_bins, n_k)."""
         n_modes = 2.0 * self.degrees + 1
         bins = [slice(low, high) for low, high in itertools.pairwise(edges)]
         return np.array([n_modes[inside] @ self.power[inside] / n_modes[inside].sum() for inside in bins])
@@ -90,7 +90,7 @@ class MockPower:
     Attributes
     ----------
     input, output, cross
-        `HarmonicPower` of the mock, of what comes back of it, and of the two with each other.
+        `HarmonicPower` of the mock, of the recovered mock, and the cross power of both.
     """
 
     input: HarmonicPower
@@ -99,7 +99,7 @@ class MockPower:
 
     @property
     def degrees(self):
-        """l, (n_l,), from 0 to where the method ends."""
+        """l, (n_l,), from 0 to the last l of the method."""
         return self.input.degrees
 
     @property
@@ -108,12 +108,12 @@ class MockPower:
         return self.input.k
 
     def ratios(self, part="output"):
-        """C/C0 and P/P0 of a part to the input, {"angular": (n_l,), "frequency": (n_k,)}; NaN at 0.
+        """C/C0 and P/P0 of one part over the input, {"angular": (n_l,), "frequency": (n_k,)}; NaN at 0.
 
         Raises
         ------
         InputError
-            The input has no power at some other l or k.
+            If the input has no power at some other l or k.
         """
         ratios = {}
         for kind in ("angular", "frequency"):
@@ -122,19 +122,19 @@ class MockPower:
         return ratios
 
     def band_means(self, ratios=None):
-        """Means over `diagnostics.bands` of `ratios`, those of the output unless given, {band: (...)}."""
+        """Means of `ratios`, default those of the output, over `diagnostics.bands`, {band: (...)}."""
         return diagnostics.band_means(ratios or self.ratios(), self.degrees, self.k)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TransferFunction:
-    """The share of the power of mocks that comes back, and spectra that are corrected by it.
+    """The recovered share of the power of mocks, and spectra corrected by it.
 
     The transfer function T is the cross power of residual and mock over the power of the mock (Cunnington et
-    al. 2023). What a residual has beyond T times its truth has nothing in common with that truth: of members
-    of a bootstrap (`himap.removal.cleaning.Cleaning.resampled`) it is foreground residual, and subtracted.
-    Where it is estimated from the member itself, and subtracted from its output, so it must be from a
-    residual that is corrected: then the rest is what that estimate lacks in the mean.
+    al. 2023). The part of a residual beyond T times its truth is uncorrelated with that truth: for members of
+    a bootstrap (`himap.removal.cleaning.Cleaning.resampled`) it is foreground residual, and is subtracted.
+    If it is estimated from each member and subtracted from its output, the same must be done to a residual
+    before correction; the uncorrelated part is then the mean error of that estimate.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ class TransferFunction:
     Raises
     ------
     InputError
-        No mock.
+        If there is no mock.
     """
 
     mocks: tuple
@@ -155,7 +155,7 @@ class TransferFunction:
 
     @property
     def degrees(self):
-        """l, (n_l,), from 0 to where the method ends."""
+        """l, (n_l,), from 0 to the last l of the method."""
         return self.mocks[0].degrees
 
     @property
@@ -164,7 +164,7 @@ class TransferFunction:
         return self.mocks[0].k
 
     def _fit(self, kind):
-        """Transfer function, and mean power of the residual that is unlike the mocks, each (n,)."""
+        """Transfer function, and mean power of the residual uncorrelated with the mocks, each (n,)."""
         true, residual, cross = (
             np.mean([getattr(getattr(mock, part), kind) for mock in self.mocks], axis=0)
             for part in ("input", "output", "cross")
@@ -174,34 +174,34 @@ class TransferFunction:
 
     @property
     def angular(self):
-        """T(l), (n_l,): of C_l averaged over channels; 0 where there is no input."""
+        """T(l), (n_l,), for C_l averaged over channels; 0 where there is no input."""
         return self._fit("angular")[0]
 
     @property
     def frequency(self):
-        """T(k), (n_k,): of P(k) averaged over the sphere."""
+        """T(k), (n_k,), for P(k) averaged over the sphere."""
         return self._fit("frequency")[0]
 
     def cylindrical(self, edges):
-        """T(l, k) in bins of l from one of the `edges` to below the next, (n_bins, n_k)."""
+        """T(l, k) in bins of l, each from one of the `edges` to below the next, (n_bins, n_k)."""
         back = np.mean([mock.cross.binned(edges) for mock in self.mocks], axis=0)
         return quotient(back, np.mean([mock.input.binned(edges) for mock in self.mocks], axis=0))
 
     def corrected(self, kind, power):
-        """A spectrum (n,) of a residual, less the power that has nothing in common with the mocks, over T.
+        """A spectrum (n,) of a residual, less the power uncorrelated with the mocks, divided by T.
 
-        `kind` is "angular", of C_l, or "frequency", of P(k); 0 where T is.
+        `kind` is "angular" for C_l, or "frequency" for P(k); the result is 0 where T is.
         """
         share, unlike = self._fit(kind)
         return quotient(power - unlike, share)
 
     def errors(self, kind):
-        """Relative error of each mock once it is corrected by the others, (n_mocks, n).
+        """Relative error of each mock after correction by the others, (n_mocks, n).
 
         Raises
         ------
         InputError
-            Fewer than two mocks.
+            If there are fewer than two mocks.
         """
         if len(self.mocks) < 2:
             raise InputError("error bars need two mocks or more, got one.")
@@ -213,9 +213,9 @@ class TransferFunction:
         return np.array(errors)
 
     def sample(self, kind):
-        """Power of each mock over the mean of all, less 1, (n_mocks, n): sample variance and noise.
+        """Power of each mock over the mean of all, minus 1, (n_mocks, n): sample variance and noise.
 
-        Times the root of n / (n - 1) of n mocks, as each is in the mean (Bessel's correction).
+        Multiplied by sqrt(n / (n - 1)) for n mocks, as each is part of the mean (Bessel's correction).
         """
         powers, n_mocks = np.array([getattr(mock.input, kind) for mock in self.mocks]), len(self.mocks)
         return (quotient(powers, powers.mean(axis=0)) - 1) * np.sqrt(n_mocks / max(n_mocks - 1, 1))
@@ -228,22 +228,22 @@ def harmonic_power(alms, channel_width):
 
 
 def mock_power(alms, output, channel_width):
-    """The `MockPower` of a cube T and of what comes back of it.
+    """The `MockPower` of a cube T and its recovered version.
 
     Parameters
     ----------
     alms
-        Coefficients of T, (n_channels, n_alm), mK; what is compared ends where they do.
+        Coefficients of T, (n_channels, n_alm), mK; both are compared up to their lmax.
     output
-        What comes back less T, a `LowRankCube`. Or its coefficients, as `alms`, where it differs from T by
-        more than a few spectra, as with gaps, each of which takes another part of T.
+        Recovered cube minus T, a `LowRankCube`. Or coefficients of the recovered cube, like `alms`, if it
+        differs from T by more than a few spectra, for example with gaps.
     channel_width
         MHz.
 
     Raises
     ------
     InputError
-        The two have not the same channels.
+        If the two do not have the same channels.
     """
     few = isinstance(output, LowRankCube)
     n_channels = len(output.spectra if few else output)
@@ -266,13 +266,13 @@ def mock_power(alms, output, channel_width):
 
 
 def expected_mock_power(separation, channel_width):
-    """The `MockPower` of HI and noise with the covariance C_l of a `FilteredSeparation`: no mocks, no truth.
+    """The `MockPower` for HI and noise with the covariance C_l of a `FilteredSeparation`: no mocks, no truth.
 
-    Of the modes n_l of HI and noise the filter W_l G_l leaves n_l - W_l G_l n_l, whose powers are sums over
-    C_l: those of infinitely many mocks, of a Gaussian field less its channel means. The filter is held fixed,
-    as a Wiener filter of smooth spectra nearly is. A residual spectrum is to be divided by the share of
-    `cross` alone: it has as much foreground as is missing in `output`, if its covariance is the right one.
-    `channel_width` in MHz.
+    Modes n_l of HI and noise are recovered by the filter W_l G_l as n_l - W_l G_l n_l, whose powers are sums
+    over C_l: the limit of infinitely many mocks of a Gaussian field less its channel means. The filter is
+    held fixed, which is nearly true of a Wiener filter of smooth spectra. Divide a residual spectrum by the
+    share of `cross` alone: if the covariance is correct, the residual has as much foreground as `output`
+    lacks. `channel_width` is in MHz.
     """
     linear, rows = separation.filter, []
     waves = fft.rfft(np.eye(len(linear.spectra[0])), axis=0)
@@ -286,9 +286,9 @@ def expected_mock_power(separation, channel_width):
 
 
 def expected_power(spectra, channel_width):
-    """The `HarmonicPower` of a field with the covariance F F^T of channels at each l.
+    """The `HarmonicPower` of a field with channel covariance F F^T at each l.
 
-    Of F, (n_channels, n), mK, of one l after the other; the channel width is in MHz.
+    `spectra` yields F, (n_channels, n), mK, for each l in turn; the channel width is in MHz.
     """
     rows = []
     for one in spectra:
@@ -297,7 +297,7 @@ def expected_power(spectra, channel_width):
 
 
 def _harmonic_powers(rows, n_channels, channel_width):
-    """`HarmonicPower` of each column of `rows`, which have some powers (n_k,) for each l."""
+    """`HarmonicPower` of each column of `rows`, which yield several powers (n_k,) for each l."""
     scale, common = channel_width / n_channels, {"n_channels": n_channels, "channel_width": channel_width}
     return [HarmonicPower(power=scale * np.array(power), **common) for power in zip(*rows, strict=True)]
 

@@ -34,7 +34,7 @@ def create(name, **parameters):
     Raises
     ------
     InputError
-            For an unknown name or parameter (the message lists the valid ones) or an invalid value.
+        For an unknown name or parameter (the message lists the valid ones) or an invalid value.
     """
     return _METHODS.create(name, **parameters)
 

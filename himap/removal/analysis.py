@@ -31,11 +31,11 @@ class SplitModes:
     Attributes
     ----------
     spectra
-            Spectra of axes brighter than HI and noise, orthonormal, (n_channels, n_bright).
+        Spectra of axes brighter than HI and noise, orthonormal, (n_channels, n_bright).
     bright
         The modes of their maps, (n_bright, n_modes) float64.
     rest
-            The modes of everything else, (n_channels, n_modes) float32.
+        The modes of everything else, (n_channels, n_modes) float32.
     """
 
     __array_ufunc__ = None  # so that numpy delegates products to this class
@@ -153,7 +153,7 @@ def modes_of_sum(foreground, alms, covariance):
     foreground
         A `LowRankCube` of the full sphere; its channel means are subtracted.
     alms
-            Coefficients of HI and noise less channel means, (n_channels, n_alm), to 3 nside - 1.
+        Coefficients of HI and noise less channel means, (n_channels, n_alm), to 3 nside - 1.
     covariance
         The `channel_covariance` of maps with as much HI and noise.
     """

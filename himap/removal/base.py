@@ -38,15 +38,15 @@ class ForegroundRemover(ABC):
     Attributes
     ----------
     name
-            Name of the method in `removal.create`, in file names and in figures.
+        Name of the method in `removal.create`, in file names and in figures.
     uses
         What the method needs or accepts beyond maps and frequencies:
 
-            - "beams": the beams of the instrument, which must be given;
-            - "noise": the noise of the instrument; it may be None, so a method that needs it must check;
-            - "sphere": multipoles, so the pixels are a full HEALPix sphere, or a part continued to it;
-            - "neighbours": pixels around each pixel, of a HEALPix sphere as above or an image in the plane;
-            - "weights": weights of pixels and voxels; other methods refuse weights that are not all equal.
+        - "beams": the beams of the instrument, which must be given;
+        - "noise": the noise of the instrument; it may be None, so a method that needs it must check;
+        - "sphere": multipoles, so the pixels are a full HEALPix sphere, or a part continued to it;
+        - "neighbours": pixels around each pixel, of a HEALPix sphere as above or an image in the plane;
+        - "weights": weights of pixels and voxels; other methods refuse weights that are not all equal.
     """
 
     name: ClassVar[str]
@@ -69,23 +69,23 @@ class ForegroundRemover(ABC):
         maps
             (n_channels, n_pix), mK; not changed.
         separate_on
-                Maps of the same shape in which to estimate the foreground, such as `maps` with their peaks
-                masked; default: `maps`. The foreground is always subtracted from `maps`.
+            Maps of the same shape in which to estimate the foreground, such as `maps` with their peaks
+            masked; default: `maps`. The foreground is always subtracted from `maps`.
         given
             `freqs`, and, where needed, `beams`, `noise`, `rng`, `mask`, `weights` and `image` (`Data.of`).
 
         Returns
         -------
         Cleaned
-                The cleaned maps of all given pixels, 0 in pixels that are not kept. In missing voxels the
-                residual is 0, and the maps hold the estimated foreground.
+            The cleaned maps of all given pixels, 0 in pixels that are not kept. In missing voxels the
+            residual is 0, and the maps hold the estimated foreground.
 
         Raises
         ------
         InputError
-                If shapes differ, if an input is invalid by itself (`Data.of`), or if it does not suit this
-                method: more sources than channels, missing beams or noise, weights that it does not support,
-                or pixels that are not a sphere where it needs one.
+            If shapes differ, if an input is invalid by itself (`Data.of`), or if it does not suit this
+            method: more sources than channels, missing beams or noise, weights that it does not support,
+            or pixels that are not a sphere where it needs one.
         """
         if given.get("weights") is not None:
             self.check_weights()

@@ -20,9 +20,9 @@ class BlurredMixture:
     Attributes
     ----------
     modes
-            X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or a list with the modes of
-            each l, arrays or `SplitModes`; or `CubeModes` to that l or beyond, whose modes of one l are
-            computed when needed, which takes less memory.
+        X, real modes (`himap.removal.harmonic`), (n_channels, (lmax + 1)^2); or a list with the modes of
+        each l, arrays or `SplitModes`; or `CubeModes` to that l or beyond, whose modes of one l are
+        computed when needed, which takes less memory.
     beams
         H_l, (n_channels, lmax + 1).
     noise

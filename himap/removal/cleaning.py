@@ -17,13 +17,13 @@ class Cleaning:
     Attributes
     ----------
     data
-            The `Data` from which the foreground is subtracted.
+        The `Data` from which the foreground is subtracted.
     method
         The `ForegroundRemover`.
     basis
-            The `Data` in which the foreground is estimated, such as those with masked peaks; default: `data`.
+        The `Data` in which the foreground is estimated, such as those with masked peaks; default: `data`.
     spread
-            If peaks are masked, which deviation they stand out from: a name in `himap.removal.peaks.SPREADS`.
+        If peaks are masked, which deviation they stand out from: a name in `himap.removal.peaks.SPREADS`.
     """
 
     data: Data

@@ -27,27 +27,27 @@ class Data:
     freqs
         Channel centres, MHz, ascending, (n_channels,).
     grid
-            Positions of the pixels: on a HEALPix sphere, RING, (12 nside^2,) bool; in an image in the plane,
-            (n_y, n_x) bool. None for a full sphere, or for lines of sight at unspecified positions.
+        Positions of the pixels: on a HEALPix sphere, RING, (12 nside^2,) bool; in an image in the plane,
+        (n_y, n_x) bool. None for a full sphere, or for lines of sight at unspecified positions.
     weights
-            Hits or inverse variances, of which only ratios matter: for pixels, (n_pix,), or for voxels,
-            (n_channels, n_pix), 0 where a voxel is missing. None if all are equal.
+        Hits or inverse variances, of which only ratios matter: for pixels, (n_pix,), or for voxels,
+        (n_channels, n_pix), 0 where a voxel is missing. None if all are equal.
     beams
         b_l, (n_channels, lmax + 1), or None.
     noise
-            Noise of the instrument per pixel, mK, a number or (n_channels,), or None.
+        Noise of the instrument per pixel, mK, a number or (n_channels,), or None.
     seed
-            numpy Generator, or a seed for one, for methods that draw random numbers; or None.
+        numpy Generator, or a seed for one, for methods that draw random numbers; or None.
     inside
-            The observed pixels, (n_pix,) bool, if the maps continue beyond them (`on_sphere`); else None.
+        The observed pixels, (n_pix,) bool, if the maps continue beyond them (`on_sphere`); else None.
     known
-            Results already computed from the maps, such as "modes", or functions that compute them. Data with
-            other beams, noise or seed share them; results that depend on these are named by `key_of`.
+        Results already computed from the maps, such as "modes", or functions that compute them. Data with
+        other beams, noise or seed share them; those that depend on beams or noise are named by `key_of`.
 
     Raises
     ------
     InputError
-            If frequencies, beams or noise are invalid or do not fit the maps.
+        If frequencies, beams or noise are invalid or do not fit the maps.
     """
 
     maps: np.ndarray
@@ -80,24 +80,24 @@ class Data:
         freqs
             Channel centres, MHz, ascending, (n_channels,).
         mask
-                (n_pix,) bool, True where kept; values elsewhere are ignored. None keeps all.
+            (n_pix,) bool, True where kept; values elsewhere are ignored. None keeps all.
         weights
-                (n_pix,) or (n_channels, n_pix). A pixel without any weight is dropped. In a pixel with some
-                weight, a voxel without weight is missing; its value is ignored.
+            (n_pix,) or (n_channels, n_pix). A pixel without any weight is dropped. In a pixel with some
+            weight, a voxel without weight is missing; its value is ignored.
         image
-                Positions of the pixels in an image in the plane, row by row, (n_y, n_x) bool.
+            Positions of the pixels in an image in the plane, row by row, (n_y, n_x) bool.
         rng
             numpy Generator, for methods that draw numbers.
         label
-                Name of the maps in error messages.
+            Name of the maps in error messages.
         known
             `beams` and `noise`.
 
         Raises
         ------
         InputError
-                If maps are not finite, have only one channel, or have a channel with one value everywhere; if
-                a mask, weights or an image do not fit the maps.
+            If maps are not finite, have only one channel, or have a channel with one value everywhere; if
+            a mask, weights or an image do not fit the maps.
         """
         maps = real_array("maps", maps)
         n_pix = maps.shape[-1] if maps.ndim else 0
@@ -213,7 +213,7 @@ class Data:
         Raises
         ------
         InputError
-                If the mask has other pixels or keeps none.
+            If the mask has other pixels or keeps none.
         """
         kept = checked_mask(mask, self.maps.shape[1])
         weights = None if self.weights is None else self.weights[..., kept]
@@ -254,7 +254,7 @@ def checked_weights(weights, shape, kept=None):
     Raises
     ------
     InputError
-            For another shape, invalid weights, or no weight at all in the maps or in a channel.
+        For another shape, invalid weights, or no weight at all in the maps or in a channel.
     """
     is_bool = np.asarray(weights).dtype == bool
     values = real_array("weights", np.asarray(weights, dtype=float) if is_bool else weights)

@@ -17,9 +17,9 @@ class FastICA(ForegroundRemover):
     """Independent components: the rotation of the principal components that is least Gaussian.
 
     The `n_sources` principal components U^T X, each divided by its standard deviation D^1/2, are
-        *white*: Z = D^-1/2 U^T X. They remain white under every rotation W. FastICA (Hyvarinen 1999, with all
-        rows of W at once) chooses the rotation whose sources S = W Z have the largest contrast E[G(S)], a
-        measure of non-Gaussianity. The mixing matrix is A = U D^1/2 W^T.
+    *white*: Z = D^-1/2 U^T X. They remain white under every rotation W. FastICA (Hyvarinen 1999, with all
+    rows of W at once) chooses the rotation whose sources S = W Z have the largest contrast E[G(S)], a
+    measure of non-Gaussianity. The mixing matrix is A = U D^1/2 W^T.
 
     W cancels in A S = U U^T X: **the foreground is that of PCA**, to the last bit. Only the sources differ.
 

@@ -191,7 +191,7 @@ def mock_modes(path, shape):
     Raises
     ------
     InputError
-            If there is no such file, or it is not an array of finite numbers of that shape.
+        If there is no such file, or it is not an array of finite numbers of that shape.
     """
     maps = checked_cube("the mock of prior", mapped_array(path), min_channels=2)
     if maps.shape != shape:
@@ -243,7 +243,7 @@ def expected_covariance(covariance, freqs, degree):
     Raises
     ------
     InputError
-            If a frequency is at or above that of the line, where HI in the Hubble flow cannot be.
+        If a frequency is at or above that of the line, where HI in the Hubble flow cannot be.
     """
     if freqs[-1] >= FREQ_21CM:
         raise InputError(

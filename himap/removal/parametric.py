@@ -29,13 +29,13 @@ _value = partial(chebyshev.chebval, tensor=False)  # of series (degree + 1, n), 
 class Parametric(ForegroundRemover):
     """Two power laws in frequency, fitted to each line of sight.
 
-        T(nu) = a1 (nu / nu0)^-2.13 + a2 (nu / nu0)^beta (Eq. 19), fitted by least squares in mK. All channels
-        have the same weight, as the paper gives none, unless voxels have weights; weights of pixels change
-        nothing. The amplitudes are linear and may have either sign, so for a given beta they follow directly,
-        and only beta remains to be optimised (variable projection, Golub & Pereyra 1973). beta is bounded,
-        because the two terms coincide at beta = -2.13, where the amplitudes diverge. The default range
-        includes every plausible synchrotron index: electrons of energy index p = 2 to 3 give -2.5 to -3,
-        energy losses and the steepest sources up to one more, and -2.2 is flatter than any mixture of them.
+    T(nu) = a1 (nu / nu0)^-2.13 + a2 (nu / nu0)^beta (Eq. 19), fitted by least squares in mK. All channels
+    have the same weight, as the paper gives none, unless voxels have weights; weights of pixels change
+    nothing. The amplitudes are linear and may have either sign, so for a given beta they follow directly,
+    and only beta remains to be optimised (variable projection, Golub & Pereyra 1973). beta is bounded,
+    because the two terms coincide at beta = -2.13, where the amplitudes diverge. The default range
+    includes every plausible synchrotron index: electrons of energy index p = 2 to 3 give -2.5 to -3,
+    energy losses and the steepest sources up to one more, and -2.2 is flatter than any mixture of them.
 
     A line of sight whose best beta is a bound, or that used all its steps, is in `Separation.flagged`. Only
     the second is a failed search, which makes the result not converged. The first says that the model does

@@ -36,7 +36,7 @@ class Baselines:
     basis
         Polynomials in frequency, orthonormal over the channels, (n_channels, order + 1).
     first, second
-            The fits to all channels, and to those not `flagged`, (order + 1, n_pix), mK.
+        The fits to all channels, and to those not `flagged`, (order + 1, n_pix), mK.
     flagged
         Channels that stand out from the first fit, (n_channels, n_pix) bool.
     """
@@ -54,9 +54,9 @@ class PeakMasked:
     Attributes
     ----------
     maps
-            The maps, with flagged voxels replaced by the second baseline, (n_channels, n_pix) float32, mK.
+        The maps, with flagged voxels replaced by the second baseline, (n_channels, n_pix) float32, mK.
     flagged
-            The replaced voxels, (n_channels, n_pix) bool.
+        The replaced voxels, (n_channels, n_pix) bool.
     """
 
     maps: np.ndarray
@@ -95,10 +95,10 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
     n_sigma
         Threshold in standard deviations.
     spread
-            Which standard deviation, a name in `SPREADS`.
+        Which standard deviation, a name in `SPREADS`.
     weights
-            (n_channels, n_pix), finite, 0 in missing voxels. Fits and deviation are weighted, and a channel
-            stands out by sqrt(w) times its distance. Weights of pixels, (n_pix,), change nothing.
+        (n_channels, n_pix), finite, 0 in missing voxels. Fits and deviation are weighted, and a channel
+        stands out by sqrt(w) times its distance. Weights of pixels, (n_pix,), change nothing.
 
     Returns
     -------
@@ -107,9 +107,9 @@ def smooth_baselines(maps, freqs, *, order=6, n_sigma=5.0, spread="line", weight
     Raises
     ------
     InputError
-            If maps are not finite or do not fit the frequencies; if the order leaves no channel to spare, the
-            threshold could leave a line of sight too few channels, or one has too few with weight; if the
-            spread is unknown, or is not that of the line while weights are given.
+        If maps are not finite or do not fit the frequencies; if the order leaves no channel to spare, the
+        threshold could leave a line of sight too few channels, or one has too few with weight; if the
+        spread is unknown, or is not that of the line while weights are given.
     """
     maps = checked_cube("maps", maps, min_channels=2)
     freqs = checked_freqs(freqs, len(maps))

@@ -63,7 +63,7 @@ class Ensemble:
     Attributes
     ----------
     members
-            A `Cleaning` for each start, in order, with its `Separation`: a few spectra and maps each.
+        A `Cleaning` for each start, in order, with its `Separation`: a few spectra and maps each.
     """
 
     members: tuple
@@ -75,7 +75,7 @@ class Ensemble:
         Raises
         ------
         InputError
-                See `checked_restarts`.
+            See `checked_restarts`.
         """
         n, method = checked_restarts(cleaning.method, n), cleaning.method
         members = (cleaning, *(cleaning.with_restart(method.restart + k) for k in range(1, n)))

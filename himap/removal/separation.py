@@ -18,21 +18,21 @@ class Separation:
     sources
         S, (n_sources, n_pix), mK, float64.
     low_rank
-            The foreground, a `LowRankCube`, if it is not A S, for example if it is seen through beams.
+        The foreground, a `LowRankCube`, if it is not A S, for example if it is seen through beams.
     means
-            Constants also subtracted from every channel, (n_channels,), mK: the means of the data unless
-            `_separate` sets others.
+        Constants also subtracted from every channel, (n_channels,), mK: the means of the data unless
+        `_separate` sets others.
     converged
-            False if the method stopped at its limit of iterations.
+        False if the method stopped at its limit of iterations.
     n_iterations
         0 for a direct method.
     flagged
-            (n_pix,) bool, lines of sight whose fit is unreliable; None if these are not fitted separately.
+        (n_pix,) bool, lines of sight whose fit is unreliable; None if these are not fitted separately.
     lmax
-            Largest multipole of the estimate. Beyond it, all that the maps used for the estimate hold is
-            subtracted, so peaks that were masked there remain complete. None if there is no such limit.
+        Largest multipole of the estimate. Beyond it, all that the maps used for the estimate hold is
+        subtracted, so peaks that were masked there remain complete. None if there is no such limit.
     diagnostics
-            {name: number} to judge an iteration without the truth; None for other methods.
+        {name: number} to judge an iteration without the truth; None for other methods.
     """
 
     mixing: np.ndarray
@@ -97,9 +97,9 @@ class Cleaned:
     Attributes
     ----------
     maps
-            As observed, (n_channels, n_pix), mK; missing voxels hold the estimated foreground.
+        As observed, (n_channels, n_pix), mK; missing voxels hold the estimated foreground.
     residual
-            Recovered HI plus noise, (n_channels, n_pix) float32, mK.
+        Recovered HI plus noise, (n_channels, n_pix) float32, mK.
     separation
         The `Separation` that the residual comes from.
     """

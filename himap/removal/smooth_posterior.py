@@ -61,18 +61,18 @@ class SmoothForeground:
     faint
         Covariance of HI and noise per mode in each band, mK^2, (n_bands, n_channels, n_channels).
     roots
-            R, (n_bands, n_smooth, n_smooth), where R R^T is the covariance of HI and noise in the
-            least-squares amplitudes of the smooth functions.
+        R, (n_bands, n_smooth, n_smooth), where R R^T is the covariance of HI and noise in the
+        least-squares amplitudes of the smooth functions.
     axes
-            Axes of the foreground, (n_smooth, n_axes) for each band, a list, with zero columns if a band has
-            fewer: R axes axes^T R^T is the covariance of the foreground.
+        Axes of the foreground, (n_smooth, n_axes) for each band, a list, with zero columns if a band has
+        fewer: R axes axes^T R^T is the covariance of the foreground.
     n_modes
-            Number of modes of each band.
+        Number of modes of each band.
     products, n_mocks
-            `products_of` the mocks, and the number of mocks.
+        `products_of` the mocks, and the number of mocks.
     n_exact
-            Number of bands that end before 2 nside. Beyond, HEALPix has errors of bright emission that may
-            exceed HI and are smooth in frequency: there the foreground has the spectra of the last such band.
+        Number of bands that end before 2 nside. Beyond, HEALPix has errors of bright emission that may
+        exceed HI and are smooth in frequency: there the foreground has the spectra of the last such band.
     """
 
     faint: np.ndarray
@@ -143,11 +143,11 @@ class SmoothForeground:
         data
             The `Data` whose foreground this is.
         separation
-                Result of the method, whose spectra are held fixed. Its residual is what a least-squares fit
-                of these does not describe, or what its filter does not pass.
+            Result of the method, whose spectra are held fixed. Its residual is what a least-squares fit
+            of these does not describe, or what its filter does not pass.
         beams
-                b_l through which the method sees its spectra, (n_channels, lmax + 1), if it uses beams.
-                Spectra end at the last l of these or of the beams of the data.
+            b_l through which the method sees its spectra, (n_channels, lmax + 1), if it uses beams.
+            Spectra end at the last l of these or of the beams of the data.
         """
         linear = self._filter(data)
         known = zip(linear.spectra, linear.estimators, linear.uncertain, strict=True)
@@ -170,14 +170,14 @@ def foreground_given(data, products, n_mocks=1):
     Parameters
     ----------
     data
-            `Data` of the full sphere with beams, and with peaks if the mocks have them.
+        `Data` of the full sphere with beams, and with peaks if the mocks have them.
     products, n_mocks
-            `products_of` the mocks, and the number of mocks.
+        `products_of` the mocks, and the number of mocks.
 
     Raises
     ------
     InputError
-            If there are too few channels, or too narrow a band, for the smooth functions.
+        If there are too few channels, or too narrow a band, for the smooth functions.
     """
     freqs = data.freqs
     wanted = f"error bars need the foreground as {N_SMOOTH} smooth functions of frequency"

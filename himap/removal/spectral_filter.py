@@ -23,11 +23,11 @@ class SpectralFilter:
     Attributes
     ----------
     spectra
-            W_l, (n_l, n_channels, n_sources), zero columns where an l has fewer spectra.
+        W_l, (n_l, n_channels, n_sources), zero columns where an l has fewer spectra.
     estimators
         G_l, (n_l, n_sources, n_channels).
     faint
-            Covariance of HI and noise per mode used to make them, mK^2, (n_bands, n_channels, n_channels).
+        Covariance of HI and noise per mode used to make them, mK^2, (n_bands, n_channels, n_channels).
     first
         First l of each band, (n_bands,).
     """

@@ -37,13 +37,12 @@ class Step:
     mixing, sources
         A, (n_channels, n_sources), columns of unit length; S after its thresholds, real modes.
     refining, change, converged
-            Whether the step is in the refinement; the relative change of S, NaN at first; whether that is
-            below the tolerance of its stage.
+        Whether the step is in the refinement; the relative change of S, NaN at first; whether that is
+        below the tolerance of its stage.
     diagnostics
-            Only in the last step, else None: "n_warmup", "n_refinement", iterations of each stage;
-            "warmup_change", "refinement_change", its last relative change of S; "condition", the condition
-            number of A; "cost", the paper's cost, mK^2, with thresholds of `n_sigma` times each scale's
-            noise.
+        In the last step: "n_warmup", "n_refinement", iterations of each stage; "warmup_change",
+        "refinement_change", its last relative change of S; "condition", the condition number of A;
+        "cost", the paper's cost, mK^2, with thresholds of `n_sigma` times each scale's noise. Else None.
     """
 
     mixing: np.ndarray

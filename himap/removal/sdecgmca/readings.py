@@ -27,7 +27,7 @@ class Option:
     word
         What the paper says about it, quoted or summarised.
     against
-            The values that this contradicts.
+        The values that this contradicts.
     """
 
     question: str
@@ -185,7 +185,7 @@ def resolved(reading, given):
     Raises
     ------
     InputError
-            If there is no such reading, or if options exclude each other.
+        If there is no such reading, or if options exclude each other.
     """
     if reading not in READINGS:
         raise InputError(

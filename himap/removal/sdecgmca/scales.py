@@ -16,9 +16,9 @@ class Scales:
     Parameters
     ----------
     method
-            The `SDecGMCA`, whose parameters define the scales, their noise and their pixels. "grid" means
-            rings of nearly equal areas with an exact quadrature; the quadrature of "healpix" is refined as in
-            healpy's map2alm, which C21's code uses.
+        The `SDecGMCA`, whose parameters define the scales, their noise and their pixels. "grid" means
+        rings of nearly equal areas with an exact quadrature; the quadrature of "healpix" is refined as in
+        healpy's map2alm, which C21's code uses.
     lmax, nside
         Largest multipole, and resolution of the HEALPix pixels.
     """
