@@ -1,1 +1,1 @@
-"""The instrument: beams, noise, and the observation they make of a sky."""
+"""The instrument: beams, noise, and the observation of a sky."""

@@ -14,11 +14,11 @@ def system_temperature(freqs, t_instr):
 def noise_sigma(survey):
     """Noise per pixel and channel, mK, (n_channels,) (paper, Eq. 11).
 
-    sigma = T_sys sqrt(4 pi f_sky / (dnu t_obs N_dishes Omega_beam)), Omega_beam = 1.133 FWHM^2 with
-    FWHM = lambda / D. As in the paper this is the noise of a *pixel*, whatever nside is, so the noise
-    power sigma^2 Omega_pixel is larger for coarser maps. The paper calls sigma a standard deviation, and the
-    variance of a pixel elsewhere: with ``noise_reading="variance"`` of the survey its value in mK is read
-    as a variance in mK^2, and the noise is the root of that.
+    sigma = T_sys sqrt(4 pi f_sky / (dnu t_obs N_dishes Omega_beam)), Omega_beam = 1.133 FWHM^2 with FWHM =
+    lambda / D. As in the paper this is the noise of a *pixel*, independent of nside, so the noise power
+    sigma^2 Omega_pixel is larger for coarser maps. The paper calls sigma a standard deviation in one place
+    and the variance of a pixel in another: with ``noise_reading="variance"`` of the survey, its value in mK
+    is read as a variance in mK^2, and the noise is the root of that.
     """
     beam_area = 1.133 * diffraction_fwhm(survey.freqs, survey.dish_diameter) ** 2
     samples = (survey.channel_width * u.MHz * survey.t_obs * u.h).to_value(u.one)

@@ -1,4 +1,4 @@
-"""From a sky to an observation: beam, noise, and the truth, the residual of a perfect cleaning."""
+"""From a sky to an observation: beam, noise, and the truth, which is the residual of a perfect cleaning."""
 
 from dataclasses import dataclass
 
@@ -11,15 +11,15 @@ from himap.maps.low_rank import precision
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """Channel maps and what is known about them.
+    """Channel maps and their metadata.
 
     Attributes
     ----------
     maps, truth
         Sky through the beam plus noise, mK, (n_channels, n_pix) float32, RING; and HI through the beam plus
-        the same noise, which the paper compares with.
+        the same noise, the reference of the paper.
     freqs, channel_width
-        Channel centres, ascending, and their distance, MHz.
+        Channel centres, ascending, and their spacing, MHz.
     beams
         b_l from the sky to `maps`, (n_channels, lmax + 1).
     """
@@ -32,22 +32,22 @@ class Observation:
 
 
 def observe(hi, foregrounds, noise, windows, survey):
-    """The `Observation` of a sky, given by its coefficients, so that several beams share the analysis of it.
+    """The `Observation` of a sky given by its coefficients, so that several beams share one analysis of it.
 
     Parameters
     ----------
     hi, foregrounds
         Before the beam, mK: coefficients (n_channels, n_alm) to 3 nside - 1, and `HarmonicModes`.
     noise
-        As the receiver adds it, mK: maps (n_channels, n_pix), or where `windows` smooth it later its
-        coefficients.
+        As added by the receiver, mK: maps (n_channels, n_pix), or its coefficients if `windows` smooth it
+        later.
     windows, survey
         The `Windows` of a beam (`himap.instrument.beams.base`), and the `Survey`.
 
     Raises
     ------
     InputError
-        Something that is not of the survey's shape.
+        If an input does not have the shape of the survey.
     """
     beams, resmoothing, n_channels = windows.total, windows.resmoothing, survey.n_channels
     n_alm, n_modes = sphere.alm_size(survey.lmax), len(foregrounds.alms)

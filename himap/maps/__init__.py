@@ -1,1 +1,1 @@
-"""Maps of the sphere: transforms, masks, wavelets, products with cubes of them."""
+"""Maps on the sphere: transforms, masks, wavelets, and products with cubes."""

@@ -1,11 +1,11 @@
-"""The order of HEALPix pixels and the frame of their coordinates, as ORDERING and COORDSYS name them."""
+"""The order of HEALPix pixels and their coordinate frame, as given by ORDERING and COORDSYS."""
 
 import re
 
 from himap.core.errors import InputError
 
 FRAMES = {"G": "Galactic", "C": "celestial", "E": "ecliptic"}
-"""The frames that healpy rotates into each other."""
+"""The frames between which healpy rotates."""
 
 _SPELLINGS = {
     **dict.fromkeys(("G", "GAL", "GALACTIC"), "G"),
@@ -28,15 +28,15 @@ _SHORT = {  # as CASA and AIPS spell them
 
 
 def frame_of(text, equinox=None, name="COORDSYS"):
-    """The letter in `FRAMES` of a frame of coordinates as it is spelled; None where none is stated.
+    """The letter in `FRAMES` of a coordinate frame in any spelling; None if none is stated.
 
-    With an `equinox` that is not 2000, behind that letter; of the frames of FITS that are not rotated the
-    word, in capitals. `name` is what an error calls it.
+    An `equinox` other than 2000 follows the letter. For FITS frames that are not rotated, the result is their
+    word in capitals. `name` is used in the error.
 
     Raises
     ------
     InputError
-        Another text or a number, or an equinox that is none.
+        For any other text or a number, or an invalid equinox.
     """
     word = "" if text is None else str(text).strip().upper()
     frame = _SPELLINGS.get(word, word)
@@ -48,12 +48,12 @@ def frame_of(text, equinox=None, name="COORDSYS"):
 
 
 def equinox_of(value, name="EQUINOX"):
-    """The year of an equinox as it is written, such as 2000 or J2000; None where there is none.
+    """The year of an equinox in any form, such as 2000 or J2000; None if there is none.
 
     Raises
     ------
     InputError
-        Something else; `name` is what the error calls it.
+        For anything else; `name` is used in the error.
     """
     if value is None or value != value:  # NaN of astropy
         return None
@@ -64,12 +64,12 @@ def equinox_of(value, name="EQUINOX"):
 
 
 def spectral_frame_of(text):
-    """The word of FITS for the rest frame of frequencies as it is spelled, such as TOPOCENT; None for none.
+    """The FITS word for the rest frame of frequencies in any spelling, such as TOPOCENT; None if empty.
 
     Raises
     ------
     InputError
-        Another text, or a number.
+        For any other text, or a number.
     """
     word = "" if text is None else str(text).strip().upper()
     frame = _SHORT.get(word, word[:8])
@@ -79,19 +79,19 @@ def spectral_frame_of(text):
 
 
 def frame_name(frame):
-    """A frame of coordinates as of `frame_of`, for a sentence."""
+    """A coordinate frame, as returned by `frame_of`, in words."""
     match = _OF_EQUINOX.fullmatch(frame or "")
     return f"celestial of {match[2]}" if match else FRAMES.get(frame, frame or "frame not stated")
 
 
 def frame_cards(frame):
-    """The cards of a header that `frame_of` makes this frame of."""
+    """The header cards from which `frame_of` returns this frame."""
     match = _OF_EQUINOX.fullmatch(frame or "")
     return [("COORDSYS", "C"), ("EQUINOX", float(match[2]))] if match else [("COORDSYS", frame)] * bool(frame)
 
 
 def is_nested(order, name="the order of pixels"):
-    """Whether a text means NESTED order; None where there is none. `name` is what an error calls it."""
+    """Whether a text means NESTED order; None if there is none. `name` is used in the error."""
     if order is None:
         return None
     nested = {"RING": False, "NEST": True, "NESTED": True}.get(order.strip().upper())

@@ -1,7 +1,7 @@
-"""HEALPix maps in FITS files: their tables, and the words of headers and names.
+"""HEALPix maps in FITS files: their tables, and the conventions of headers and names.
 
-Tables are read without healpy's reader, which takes the first table of several, scales before it looks for
-markers of missing pixels, and counts negative pixel numbers from the end.
+Tables are read without healpy's reader, which uses the first of several tables, scales values before it looks
+for markers of missing pixels, and counts negative pixel numbers from the end.
 """
 
 import math
@@ -24,38 +24,38 @@ from himap.maps.frames import frame_cards, frame_of, is_nested
 MILLIKELVIN = {"K": 1e3, "mK": 1.0, "uK": 1e-3}
 """mK in one of each unit of brightness temperature."""
 
-_SPELLINGS = {  # both letters mu, which look alike
+_SPELLINGS = {  # both characters for mu, which look alike
     **{"k": "K", "kelvin": "K", "mk": "mK", "millikelvin": "mK", "uk": "uK", "microkelvin": "uK"},
     **{"\N{MICRO SIGN}k": "uK", "\N{GREEK SMALL LETTER MU}k": "uK"},
 }
-_RAYLEIGH_JEANS = re.compile(r"[ _]?\{?\(?(rj|t_?b|t_?mb)\)?\}?$")  # and main-beam temperature, the same
+_RAYLEIGH_JEANS = re.compile(r"[ _]?\{?\(?(rj|t_?b|t_?mb)\)?\}?$")  # and main-beam temperature, treated alike
 _NUMBERS = "BIJKED"  # letters of TFORM: integers and floats
-_UNSEEN = 1e-5  # relative: how close to healpy's UNSEEN a missing pixel is
+_UNSEEN = 1e-5  # relative distance from healpy's UNSEEN up to which a pixel is missing
 _FACTOR = {"mhz": 1.0, "ghz": 1e3}
 _FREQ = re.compile(r"(?<![^\W_])(?<![.,])([0-9]+(?:\.([0-9]+))?)[ _-]?(mhz|ghz)(?![^\W_])", re.IGNORECASE)
-_HERTZ = (1.0, 1e3, 1e-6)  # MHz in what a header may be in, if it does not say: MHz, GHz, Hz
-_ROUNDING = 1e-6  # relative: frequencies that agree
+_HERTZ = (1.0, 1e3, 1e-6)  # MHz in the possible units of a header without one: MHz, GHz, Hz
+_ROUNDING = 1e-6  # relative difference up to which frequencies agree
 
 
 @dataclass(frozen=True, kw_only=True)
 class HealpixFile:
-    """The maps of a file, and what its header says of them; None for what it does not.
+    """The maps of a file and the content of its header; None for what the header does not state.
 
     Attributes
     ----------
     maps
-        Of the full sphere, a column each, (n, n_pix), in the ordering and units of the file; float32 or
-        float64, NaN in pixels that have no value.
+        Maps of the full sphere, one per column, (n, n_pix), in the ordering and units of the file; float32
+        or float64, NaN in pixels without a value.
     names, units
         TTYPE and TUNIT of the column of each map, (n,).
     nested
         Whether pixels are in NESTED order.
     frame
-        Of its coordinates, as of `himap.maps.frames.frame_of`.
+        Coordinate frame, as returned by `himap.maps.frames.frame_of`.
     partial
-        Whether the file is of a part of the sky: its first column has the pixel numbers, and is no map.
+        Whether the file covers a part of the sky: its first column then has pixel numbers, not a map.
     header
-        All cards of its table, and those of the file before it that the table does not have, a dict.
+        All cards of the table, and those of the primary header that the table does not have, a dict.
     """
 
     maps: np.ndarray
@@ -68,29 +68,29 @@ class HealpixFile:
 
 
 def read_maps(path, *, n_maps=None, held=1, logical=False):
-    """The `HealpixFile` of a FITS file, with its first `n_maps` maps, or with all.
+    """Read the `HealpixFile` of a FITS file, with its first `n_maps` maps, or with all.
 
     Parameters
     ----------
     path, n_maps
-        The file, and how many maps are wanted.
+        The file, and the number of maps to read.
     held
-        How many arrays of their size the caller will hold: they must fit into memory.
+        Number of arrays of this size that the caller will hold: they must fit into memory.
     logical
-        Whether columns may be logical, as of masks: 1 where true, 0 where false.
+        Whether columns may be logical, as in masks: 1 where true, 0 where false.
 
     Raises
     ------
     InputError
-        The file cannot be read, holds maps in several tables, or too many; its maps have no valid nside, or
-        its ORDERING is none.
+        If the file cannot be read, has maps in several tables, or too many maps; if its nside or ORDERING
+        is invalid.
     """
     path = regular_file(path)
-    quiet = catch_warnings(action="ignore", category=AstropyWarning)  # of an error a line below, or harmless
+    quiet = catch_warnings(action="ignore", category=AstropyWarning)  # harmless, or followed by an error
     with reading(path, "HEALPix maps in FITS"), quiet, fits.open(path, memmap=False) as file:
         table = _only_table(file, first=n_maps is not None)
         for one in (file[0], table):
-            one.verify("silentfix+ignore")  # cards that are not of the standard
+            one.verify("silentfix+ignore")  # fixes nonstandard cards
         header = {**file[0].header, **table.header}
         keys = "PIXTYPE", "INDXSCHM", "OBJECT"
         pixels, scheme, sky = (str(card_text(header, key) or "").upper() for key in keys)
@@ -111,12 +111,12 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
 
 
 def card_text(header, key):
-    """The text of a card, None where there is none, or no value in it."""
+    """The text of a card, None if it is absent or has no value."""
     return None if header.get(key) is None else str(header[key]).strip() or None
 
 
 def _only_table(file, *, first):
-    """The table of maps of an open FITS file; the `first` of several, where that is enough."""
+    """The table of maps of an open FITS file; with `first`, the first of several."""
     tables = [hdu for hdu in file if isinstance(hdu, fits.BinTableHDU)]
     if not tables:
         raise InputError("there is no table of maps; images in the plane are none.")
@@ -188,8 +188,8 @@ def _n_pix(hdu, nside, columns, partial):
 
 
 def _scaled(stored, header, column, dtype):
-    """The values of a column as it was stored, scaled; of a logical one 1 or 0; NaN where missing."""
-    is_logical = card_text(header, f"TFORM{column}").endswith("L")  # of letters T and F
+    """Scaled values of a column from its stored ones; 1 or 0 for a logical column; NaN where missing."""
+    is_logical = card_text(header, f"TFORM{column}").endswith("L")  # letters T and F
     values = (stored == ord("T") if is_logical else stored).astype(dtype)
     values *= dtype.type(header.get(f"TSCAL{column}", 1))
     values += dtype.type(header.get(f"TZERO{column}", 0))
@@ -208,20 +208,20 @@ def _scaled(stored, header, column, dtype):
 
 
 def write_maps(path, maps, *, names, unit, nested, partial=False, frame=None, cards=()):
-    """Write maps (n, n_pix), a column each in their precision; what is not finite becomes UNSEEN.
+    """Write maps (n, n_pix), one per column with their precision; non-finite values become UNSEEN.
 
     Parameters
     ----------
     path, maps
-        The file, and floats, changed in place: a cube may be too large for a copy.
+        The file, and floats, which are changed in place: a cube may be too large for a copy.
     names, unit, nested
-        The columns, (n,), their one unit (None where they have none), and whether pixels are in NESTED order.
+        Names of columns, (n,), their common unit (None for no unit), and whether pixels are NESTED.
     partial
-        Whether to write only the pixels that a map has a value in, with their numbers (explicit indexing).
+        Whether to write only pixels with a value in any map, with their numbers (explicit indexing).
     frame
-        As of `himap.maps.frames.frame_of`.
+        As returned by `himap.maps.frames.frame_of`.
     cards
-        Further cards of the header, (key, value) or (key, value, comment).
+        Further header cards, (key, value) or (key, value, comment).
     """
     seen = np.flatnonzero(np.isfinite(maps).any(axis=0))
     maps[~np.isfinite(maps)] = hp.UNSEEN
@@ -230,7 +230,7 @@ def write_maps(path, maps, *, names, unit, nested, partial=False, frame=None, ca
         columns = {"column_names": names, "column_units": unit, "dtype": maps.dtype}
         hp.write_map(path, maps, nest=nested, extra_header=cards, **columns)
         return
-    # healpy's files of a part of the sky have the pixels of the first map alone.
+    # In healpy's files of a part of the sky, only pixels of the first map are kept.
     columns = [fits.Column(name="PIXEL", format="K", array=seen)]
     columns += [
         fits.Column(name=name, format={4: "E", 8: "D"}[maps.itemsize], unit=unit, array=pixels[seen])
@@ -245,20 +245,20 @@ def write_maps(path, maps, *, names, unit, nested, partial=False, frame=None, ca
 
 
 def to_ring(pixels):
-    """A map in RING order of one in NESTED order, (n_pix,)."""
+    """Reorder a map from NESTED to RING, (n_pix,)."""
     return pixels[hp.ring2nest(sphere.nside_of(pixels), np.arange(len(pixels)))]
 
 
 def temperature_unit(text, name="unit", where="as healpy.write_map(..., column_units='K_RJ') does"):
-    """The name in `MILLIKELVIN` of a unit as it is spelled: "K_RJ" is "K", "Millikelvin" is "mK".
+    """The name in `MILLIKELVIN` of a unit in any spelling: "K_RJ" is "K", "Millikelvin" is "mK".
 
-    Case is not looked at: it tells milli from mega, but nobody has maps in MK, and "MK" is written for mK.
+    Case is ignored: it separates milli from mega, but nobody has maps in MK, and "MK" is written for mK.
 
     Raises
     ------
     InputError
-        It is no unit of (Rayleigh-Jeans) brightness temperature; the error calls it `name`, and says `where`
-        it is written.
+        If it is not a unit of (Rayleigh-Jeans) brightness temperature; the error uses `name` for the unit,
+        and `where` to say how to write it.
     """
     spelled = str(text or "").strip()
     unit = _SPELLINGS.get(_RAYLEIGH_JEANS.sub("", spelled.lower()))
@@ -272,18 +272,18 @@ def temperature_unit(text, name="unit", where="as healpy.write_map(..., column_u
 
 
 class Stated(NamedTuple):
-    """A frequency that a name states, in MHz, and half of its last digit."""
+    """A frequency stated in a name, in MHz, and half of its last digit."""
 
     freq: float
     half_digit: float
 
 
 def freqs_in(name):
-    """The frequencies that the name of a file or column states, a list of `Stated`; a map's states one.
+    """The frequencies stated in the name of a file or column, a list of `Stated`; one for a single map.
 
-    Such as map_950.5MHz.fits: a decimal in MHz or GHz between separators such as _ and -, or at an end. A
-    number that follows other digits, with separators alone between, may be the end of a range (900-910MHz) or
-    of a number (900_11MHz), and states nothing.
+    For example map_950.5MHz.fits: a decimal in MHz or GHz between separators such as _ and -, or at an end. A
+    number that follows other digits, with only separators between, may be the end of a range (900-910MHz) or
+    of a number (900_11MHz), and is ignored.
     """
     stated = []
     for match in _FREQ.finditer(name):
@@ -297,7 +297,7 @@ def freqs_in(name):
 
 
 def freq_in_header(header, path):
-    """The number in the card FREQ of a header, in any unit, or None; InputError if it is something else."""
+    """The number in the header card FREQ, in any unit, or None; InputError if it is not a number."""
     value = header.get("FREQ")
     is_number = isinstance(value, int | float) and not isinstance(value, bool) and np.isfinite(value)
     if "FREQ" in header and not is_number:
@@ -306,14 +306,14 @@ def freq_in_header(header, path):
 
 
 def agreed(stated, header_freq, path):
-    """The frequency in MHz that a name (`Stated`) and a header (`freq_in_header`) give, the header's digits.
+    """The frequency in MHz given by a name (`Stated`) and a header (`freq_in_header`), with the latter's digits.
 
-    The name says whether the header is in MHz, GHz or Hz; `path` is the file, for the error.
+    The name shows whether the header is in MHz, GHz or Hz; `path` is the file, for the error.
 
     Raises
     ------
     InputError
-        They contradict each other.
+        If they contradict each other.
     """
     if header_freq is None:
         return stated.freq

@@ -1,27 +1,27 @@
-"""Inpainting: maps of the full sphere from the part of it on which they are known.
+"""Inpainting: continue maps from the known part of the sphere to the full sphere.
 
-The known pixels are fitted by least squares, so that nothing outside counts. That does not fix the field
-outside; it should continue smoothly, because a beam at the edge would mix a step into the known pixels. The
-fit therefore starts from a smooth continuation, and changes it only where the edge requires it.
+The known pixels are fitted by least squares, so nothing outside counts. That does not determine the field
+outside; it should continue smoothly, because a beam would mix a step at the edge into the known pixels. The
+fit therefore starts from a smooth continuation and changes it only where the edge requires it.
 """
 
 import numpy as np
 
 from himap.maps import sphere
 
-_WIDEST = 60.0  # deg, FWHM at which the continuation begins
+_WIDEST = 60.0  # deg, first FWHM of the continuation
 _STEP = 2**-0.5  # from one FWHM to the next
 _NARROWEST = 0.75  # pixels
 _PASSES = 2  # at each FWHM
-_MOST_STEPS = 50  # of the least squares; more move the known pixels by less than HI
+_MOST_STEPS = 50  # of least squares; further steps change the known pixels by less than HI
 
 
 def inpaint(pixels, kept):
-    """A map (n_pix,) float64, unchanged where `kept` (n_pix,) bool, and continued smoothly elsewhere.
+    """Continue a map (n_pix,) smoothly outside `kept` (n_pix,) bool, where it is unchanged; float64.
 
-    In turns the map is low-passed and its known pixels are put back (Papoulis 1975; Gerchberg 1974), from
-    wide beams b_l to narrow ones. The low pass is 1 - (1 - b_l)^2: what it does not change has no second
-    differences of second differences, so that the map goes on with the slope that it has at the edge.
+    The map is low-passed and its known pixels are restored, alternately (Papoulis 1975; Gerchberg 1974), with
+    beams b_l from wide to narrow. The low pass is 1 - (1 - b_l)^2: a field that it does not change has no
+    fourth differences, so the map continues with its slope at the edge.
     """
     nside = sphere.nside_of(pixels)
     lmax = 3 * nside - 1
@@ -37,12 +37,12 @@ def inpaint(pixels, kept):
 
 
 def inpaint_alm(pixels, kept, tolerance):
-    """Coefficients to l = 3 nside - 1 that reproduce a map where `kept`, (n_alm,) complex128.
+    """Coefficients to l = 3 nside - 1 that reproduce a map in the `kept` pixels, (n_alm,) complex128.
 
     They minimise sum_(p kept) (m(p) - sum_lm a_lm Y_lm(p))^2 by conjugate gradients (CGLS, Bjorck 1996),
-    from the coefficients of `inpaint`, and end at `tolerance` of the rms of the known pixels or after 50
-    steps of two transforms. A map with edges is not band limited: analysing all of it would bring waves
-    of l = 3 nside into the known pixels, most near the poles.
+    starting from the coefficients of `inpaint`, until the residual is `tolerance` times the rms of the known
+    pixels or after 50 steps of two transforms. A map with edges is not band limited: analysing it directly
+    would add waves of l = 3 nside to the known pixels, mostly near the poles.
 
     Parameters
     ----------
@@ -75,5 +75,5 @@ def inpaint_alm(pixels, kept, tolerance):
 
 def _square(alm):
     """Squared norm of a real field given by coefficients (n_alm,)."""
-    zonal = alm[: sphere.lmax_of_size(len(alm)) + 1]  # m = 0 has no twin of negative m
+    zonal = alm[: sphere.lmax_of_size(len(alm)) + 1]  # m = 0 has no counterpart of negative m
     return 2 * np.vdot(alm, alm).real - np.vdot(zonal, zonal).real

@@ -1,8 +1,8 @@
-"""Products with cubes, a block of pixels at a time, and cubes that are a few spectra times maps.
+"""Products with cubes, one block of pixels at a time, and cubes that are a few spectra times maps.
 
 Foregrounds are 1e5 times brighter than HI, so products are computed in float64. A float64 copy of a cube
-would be twice as large as the cube; that of a block is small. Where the sky is so bright that float32 itself
-would cost HI, as at 60 MHz, the cube is in float64.
+would be twice as large as the cube; the copy of a block is small. If the sky is so bright that rounding of
+float32 would affect HI, as at 60 MHz, the cube is in float64.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from himap.core.progress import progress
 
-_BLOCK = 1024  # pixels: 4 MB in float64 for 500 channels, as much as a processor may have at hand
-_ROUNDING = 2.0**-25  # relative, of float32: its rms in the mean over all numbers
+_BLOCK = 1024  # pixels: 4 MB in float64 for 500 channels, about the size of a processor cache
+_ROUNDING = 2.0**-25  # relative rounding of float32, rms over all numbers
 _HARMLESS = 1e-3  # mK: a hundredth of HI
 
 
@@ -25,10 +25,10 @@ def blocks(n_pix, size=None):
 
 
 def in_threads(work, n_pix, label, size=None):
-    """``work(block)`` for every block of `blocks`, several at a time; a list of what it returns, in order.
+    """Call ``work(block)`` for every block of `blocks`, in parallel; return the results as a list, in order.
 
-    As many threads as transforms have, and none within a product: numpy releases the interpreter's lock while
-    it computes.
+    Uses as many threads as the transforms, and one within a product: numpy releases the interpreter's lock
+    while it computes.
     """
     from himap.maps import sphere  # here, because healpy takes a second to import
 
@@ -38,21 +38,21 @@ def in_threads(work, n_pix, label, size=None):
 
 
 def scattered(lines, kept):
-    """Lines of sight (..., n_kept) among all pixels, (..., n_pix), 0 elsewhere."""
+    """Insert lines of sight (..., n_kept) among all pixels, (..., n_pix), 0 elsewhere."""
     out = np.zeros((*lines.shape[:-1], len(kept)), dtype=lines.dtype)
     out[..., kept] = lines
     return out
 
 
 def precision(rms):
-    """The floats for maps of this rms, mK: float32, or float64 where that would round HI away."""
+    """Float type for maps of this rms, mK: float32, or float64 where float32 would round HI away."""
     return np.float64 if rms * _ROUNDING > _HARMLESS else np.float32
 
 
 def centred(maps, means=None):
-    """Maps (n_channels, n_pix) less one number per channel, its mean unless given: float32.
+    """Maps (n_channels, n_pix) less one number per channel, by default its mean: float32.
 
-    Those of float64 maps stay float64 where they need it (`precision`).
+    float64 maps stay float64 where they need it (`precision`).
     """
     means = maps.mean(axis=1, dtype=np.float64) if means is None else means
     out = np.empty(maps.shape, dtype=_needed_floats(maps, means))
@@ -67,7 +67,7 @@ def as_float32(maps):
 
 
 def _needed_floats(maps, means):
-    """The floats that maps less `means` need, of those that they have."""
+    """Float type needed by maps less `means`, at most that of the maps."""
     if maps.dtype != np.float64:
         return np.float32
     return precision(
@@ -78,7 +78,7 @@ def _needed_floats(maps, means):
 def projection(rows, maps, means=None):
     """rows @ maps, (n_rows, n_channels) times (n_channels, n_pix), float64.
 
-    With `means` (n_channels,) of float32 maps less these, rounded as `centred` does.
+    With `means` (n_channels,), float32 maps less these are used, rounded as by `centred`.
     """
     out = np.empty((len(rows), maps.shape[1]))
 
@@ -95,8 +95,8 @@ def projection(rows, maps, means=None):
 class SplitCube:
     """A cube for many products: its bright part in float64, as a few maps, and the faint rest in float32.
 
-    The rest is no brighter than HI, so that float32 products with it lose nothing, and take a third of the
-    time of those that turn the cube to float64 block by block.
+    The rest is no brighter than HI, so float32 products with it are exact enough, and take a third of the
+    time of products that convert the cube to float64 block by block.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class SplitCube:
     def __init__(self, maps, axes):
         self.axes = axes
         self.bright = projection(axes.T, maps)
-        # In parts that lie together in memory, with which products take half the time.
+        # In parts that are contiguous in memory, for which products take half the time.
         self.rest = [
             (maps[:, block] - axes @ self.bright[:, block]).astype(np.float32)
             for block in blocks(maps.shape[1])
@@ -140,8 +140,8 @@ class HarmonicModes:
 class LowRankCube:
     """A cube as `spectra` (n_channels, n_modes) @ `maps` (n_modes, n_pix), mK, both float64.
 
-    A foreground is 1e5 times brighter than HI, so that its difference from another foreground needs more
-    digits than a float32 cube has; these have them.
+    A foreground is 1e5 times brighter than HI, so its difference from another foreground needs more digits
+    than a float32 cube has; this form has them.
     """
 
     spectra: np.ndarray
@@ -155,15 +155,15 @@ class LowRankCube:
         return LowRankCube(spectra=-self.spectra, maps=self.maps)
 
     def lines(self, pixels):
-        """The lines of sight of some pixels (a slice, numbers or a mask), (n_channels, n) float64."""
+        """The lines of sight in some pixels (a slice, indices or a mask), (n_channels, n) float64."""
         return self.spectra @ self.maps[:, pixels]
 
     def of_channels(self, channels):
-        """The same of some channels, a slice."""
+        """The same for some channels, a slice."""
         return LowRankCube(spectra=self.spectra[channels], maps=self.maps)
 
     def cube(self):
-        """(n_channels, n_pix) float32."""
+        """The full cube, (n_channels, n_pix) float32."""
         maps = np.empty((len(self.spectra), self.maps.shape[1]), dtype=np.float32)
         for block in progress(blocks(maps.shape[1]), "mixture"):
             maps[:, block] = self.lines(block)
@@ -178,7 +178,7 @@ class LowRankCube:
         return residual
 
     def truncate(self, faint):
-        """The same less its channel means, in as few orthonormal spectra as it needs.
+        """The same less its channel means, with as few orthonormal spectra as possible.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class LowRankCube:
         axes, triangle = np.linalg.qr(self.spectra)
         means, n_pix = self.maps.mean(axis=1, keepdims=True), self.maps.shape[1]
 
-        def lines(block):  # made twice, which takes less time than to keep them
+        def lines(block):  # computed twice, which is faster than keeping them
             return triangle @ (self.maps[:, block] - means)
 
         covariance = sum(part @ part.T for part in map(lines, blocks(n_pix))) / n_pix

@@ -1,4 +1,4 @@
-"""Masks of the sky: their weights, and the bins of l that they ask for."""
+"""Masks of the sky: their weights, and the bins of l that they require."""
 
 import numpy as np
 
@@ -7,18 +7,18 @@ from himap.core.errors import InputError
 
 
 def mask_weights(mask, n_pix):
-    """The mask as float64 weights, (n_pix,); None keeps the full sky.
+    """Convert a mask to float64 weights, (n_pix,); None keeps the full sky.
 
     Raises
     ------
     InputError
-        A mask of the wrong shape, with weights outside 0 to 1, or that keeps nothing.
+        If the mask has the wrong shape or weights outside 0 to 1, or keeps nothing.
     """
     if mask is None:
         return np.ones(n_pix)
     try:
         is_bool = np.asarray(mask).dtype == bool and not np.ma.is_masked(mask)
-    except ValueError:  # of rows of unequal length
+    except ValueError:  # rows of unequal length
         is_bool = False
     if not is_bool:
         mask = real_array("the mask", mask)
@@ -33,9 +33,9 @@ def mask_weights(mask, n_pix):
 
 
 def bin_matrix(lmax, width):
-    """Averages over bins of `width` multipoles from l = 2 on, (n_bins, lmax + 1).
+    """Matrix of averages over bins of `width` multipoles from l = 2 on, (n_bins, lmax + 1).
 
-    Before them is one bin of l = 0 and 1, or one of each if `width` is 1: spectra are compared from l = 2.
+    Before these is one bin of l = 0 and 1, or one each if `width` is 1: spectra are compared from l = 2.
     """
     first = [0, 1] if width == 1 else [0]
     edges = np.concatenate([first, np.arange(2, lmax + 1, width), [lmax + 1]])

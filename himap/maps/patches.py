@@ -1,10 +1,10 @@
-"""Square patches of the sphere, small enough to be flat: cells of equal area, each with a HEALPix pixel."""
+"""Square patches of the sphere, small enough to be flat: cells of equal area, each one HEALPix pixel."""
 
 import numpy as np
 
 from himap.maps import sphere
 
-_CANDIDATES = 8  # nside of the places that patches may be at
+_CANDIDATES = 8  # nside of the candidate centres
 
 
 def patch_pixels(nside, centre, side, n_cells):
@@ -15,13 +15,13 @@ def patch_pixels(nside, centre, side, n_cells):
     Parameters
     ----------
     nside
-        Of the pixels.
+        Resolution of the pixels.
     centre
         Unit vector, (3,).
     side
-        Of the patch, rad.
+        Side of the patch, rad.
     n_cells
-        Along each side.
+        Number of cells along each side.
     """
     offsets = side * ((np.arange(n_cells) + 0.5) / n_cells - 0.5)
     x, y = np.meshgrid(offsets, offsets)
@@ -37,9 +37,9 @@ def patch_pixels(nside, centre, side, n_cells):
 
 
 def patch_centres(mask, side, n_cells, *, least, most):
-    """Centres of patches that do not overlap, (n, 3), and the share of each that is seen, (n,).
+    """Centres of patches that do not overlap, (n, 3), and the observed share of each, (n,).
 
-    The best seen come first, as far as there are some of which `least` is seen; at most `most`.
+    Best observed patches come first, with at least `least` observed; at most `most` patches.
     """
     nside = sphere.nside_of(mask)
     places = sphere.pixel_vectors(_CANDIDATES)

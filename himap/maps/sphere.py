@@ -1,7 +1,7 @@
-"""The door to healpy and ducc0: maps, harmonic coefficients, power spectra, beams.
+"""The interface to healpy and ducc0: maps, harmonic coefficients, power spectra, beams.
 
 Maps are HEALPix RING; coefficients are in healpy's order (m major), for real fields of spin 0.
-The transforms run in ducc0, on all cores, in the precision of what they are given: float32 maps
+The transforms run in ducc0, on all cores, in the precision of their input: float32 maps
 give complex64 coefficients. They agree with healpy to rounding (tests/test_sphere.py).
 """
 
@@ -19,19 +19,19 @@ N_ITER = 3
 
 N_ITER_FLAT = 2
 """Refinements for maps with much power up to l = 3 nside, such as HI and noise: a third makes them worse
-beyond 2 nside (there C_l are 1 to 10 % off, 0.2 to 2 % with two) and little better below."""
+beyond 2 nside (C_l errors there are 1 to 10 %, with two 0.2 to 2 %) and hardly better below."""
 
 _ROOMY = 160
-"""To this l, at least, transforms go; what is beyond the lmax asked for is zero. Below l of about
-130 the last bits of ducc0's Legendre functions depend on the order in which its scratch lies in memory, and
-what is iterated over thresholds (SDecGMCA) grows such a difference into another result."""
+"""Smallest lmax of transforms; values beyond the requested lmax are zero. Below l of about 130 the last bits
+of ducc0's Legendre functions depend on the order of its scratch in memory, and iterative thresholding
+(SDecGMCA) amplifies such a difference to another result."""
 
 _TRIAL, _MOST = 5, 50  # iterations of least squares
-_IN_VAIN = 0.99  # of a residual that remains after the first of them: it lies beyond the multipoles
+_IN_VAIN = 0.99  # share of the residual that remains if it lies beyond the multipoles
 
 
 def n_threads():
-    """How many threads a transform has: all cores, unless the variable DUCC0_NUM_THREADS says otherwise."""
+    """Number of threads of a transform: all cores, unless the variable DUCC0_NUM_THREADS is set."""
     return ducc0.misc.thread_pool_size()
 
 
@@ -41,12 +41,12 @@ def is_n_pix(number):
 
 
 def nside_of(maps):
-    """nside of a map or of the last axis of a cube.
+    """nside of a map, or of a cube from its last axis.
 
     Raises
     ------
     InputError
-        The number of pixels is not 12 nside^2 with nside a power of two.
+        If the number of pixels is not 12 nside^2 with nside a power of two.
     """
     n_pix = np.shape(maps)[-1]
     if not is_n_pix(n_pix):
@@ -55,7 +55,7 @@ def nside_of(maps):
 
 
 def sphere_sizes(shape):
-    """The numbers among `shape` that are those of the pixels of a sphere."""
+    """The numbers in `shape` that can be the number of pixels of a sphere."""
     return [n for n in shape if is_n_pix(n)]
 
 
@@ -81,18 +81,18 @@ def alm_degree(lmax):
 
 
 def alm_index(lmax, degree, order):
-    """Index of the coefficients of these l and m among those up to `lmax`, arrays of integers."""
+    """Indices of coefficients with these l and m among those up to `lmax`, arrays of integers."""
     return hp.Alm.getidx(lmax, degree, order)
 
 
 def alms_upto(alms, lmax):
-    """The coefficients up to `lmax` of some, (..., n_alm): the same array where they go no further."""
+    """The coefficients (..., n_alm) up to `lmax`: the same array if they end at or before it."""
     own = lmax_of_size(alms.shape[-1])
     return alms if lmax >= own else alms[..., alm_degree(own) <= lmax]
 
 
 def alms_padded(alms, lmax):
-    """The same coefficients among those up to a larger `lmax`, the others zero, in a new array."""
+    """The same coefficients padded with zeros up to a larger `lmax`, in a new array."""
     padded = np.zeros((*alms.shape[:-1], alm_size(lmax)), dtype=alms.dtype)
     padded[..., alm_degree(lmax) <= lmax_of_size(alms.shape[-1])] = alms
     return padded
@@ -104,13 +104,13 @@ def _geometry(nside):
 
 
 def _rings_of(nside, pixels):
-    """Those of `_geometry` that hold some pixels, given by their numbers."""
+    """The rings of `_geometry` that contain some pixels, given by their indices."""
     numbers = np.unique(hp.pix2ring(nside, pixels)) - 1
     return {name: values[numbers] for name, values in _geometry(nside).items()}
 
 
 def synthesise(alm, nside):
-    """Map of harmonic coefficients: (..., n_alm) to (..., n_pix), float32 for complex64."""
+    """Synthesise maps from harmonic coefficients: (..., n_alm) to (..., n_pix), float32 for complex64."""
     alm = np.asarray(alm)
     lmax = lmax_of_size(alm.shape[-1])
     flat = alm.reshape(-1, alm.shape[-1])
@@ -125,8 +125,8 @@ def analyse(maps, lmax=None, *, n_iter=N_ITER, pixels=None):
     """Harmonic coefficients of maps: (..., n_pix) to (..., n_alm).
 
     HEALPix has no exact quadrature; each of `n_iter` refinements adds the coefficients of the residual, as
-    those of healpy's map2alm do. `lmax` is 3 nside - 1 unless given. Maps that are 0 but in some `pixels`,
-    their numbers, take less time without refinements: only the rings with these are transformed.
+    in healpy's map2alm. `lmax` is 3 nside - 1 by default. If maps are 0 except in some `pixels`, given by
+    index, an analysis without refinements is faster: only their rings are transformed.
     """
     maps = np.asarray(maps)
     nside = nside_of(maps)
@@ -146,7 +146,7 @@ def analyse(maps, lmax=None, *, n_iter=N_ITER, pixels=None):
 
 
 def _synthesise(alm, out, lmax, rings):
-    """One field of coefficients, into `out`, on any rings."""
+    """Synthesise one field of coefficients into `out`, on any rings."""
     if lmax < _ROOMY:
         size, places = _places(lmax)
         given, alm = alm, np.zeros(size, dtype=alm.dtype)
@@ -161,12 +161,12 @@ def _adjoint_synthesis(field, lmax, rings):
     return alm if lmax == room else alm[_places(lmax)[1]]
 
 
-_PLAIN = {"spin": 0, "nthreads": 0}  # as many threads as ducc0 is set to
+_PLAIN = {"spin": 0, "nthreads": 0}  # 0: the number of threads set in ducc0
 
 
 @lru_cache(maxsize=32)
 def _places(lmax):
-    """How many coefficients there are of l <= `_ROOMY`, m <= `lmax`; and which of them have l <= `lmax`."""
+    """Number of coefficients with l <= `_ROOMY`, m <= `lmax`; and which of them have l <= `lmax`."""
     places = alm_index(_ROOMY, *hp.Alm.getlm(lmax))
     places.flags.writeable = False
     return hp.Alm.getsize(_ROOMY, lmax), places
@@ -175,9 +175,9 @@ def _places(lmax):
 def analyse_closely(pixels, lmax, tolerance):
     """Coefficients that reproduce one map (n_pix,) to `tolerance` of its rms, by least squares (LSMR).
 
-    The refinements of `analyse` leave percents of a map near l = 3 nside, where HEALPix quadrature is
-    poor. This is for what is bright: a tolerance below the noise of a map would run after that noise, and
-    where few iterations reproduce next to nothing of what remains, no coefficients do: those of `analyse`.
+    The refinements of `analyse` have errors of percents near l = 3 nside, where HEALPix quadrature is poor.
+    This is for bright maps: a tolerance below the noise of a map would fit that noise. Returns the result
+    of `analyse` if the first iterations hardly reduce the residual, as no coefficients reproduce it then.
     """
     pixels = np.asarray(pixels, dtype=np.float64)
     nside = nside_of(pixels)
@@ -200,8 +200,8 @@ def analyse_closely(pixels, lmax, tolerance):
 def _grid(lmax):
     """Rings of a Gauss-Legendre grid that is exact to `lmax`, thinned towards the poles.
 
-    On a ring at angle theta from the pole no coefficient of m far beyond l sin(theta) is felt, so that the
-    rings need about 2 l sin(theta) pixels and all pixels have nearly the same area.
+    On a ring at angle theta from the pole coefficients of m far beyond l sin(theta) are negligible, so
+    rings need about 2 l sin(theta) pixels, and all pixels have nearly the same area.
     """
     nodes, weights = np.polynomial.legendre.leggauss(lmax + 1)
     theta = np.arccos(nodes[::-1])
@@ -213,11 +213,11 @@ def _grid(lmax):
 
 
 def synthesise_grid(alm, grid_lmax=None):
-    """Field of coefficients on the cheapest grid that holds it exactly, (..., n_alm) to (..., n_grid).
+    """Synthesise a field on the cheapest grid that represents it exactly, (..., n_alm) to (..., n_grid).
 
-    For work between two transforms, such as thresholding; `analyse_grid` goes back. Pixels
-    of this grid have areas equal within a factor of two but near the poles. `grid_lmax` asks for the grid of
-    a larger lmax than that of the coefficients.
+    For work between two transforms, such as thresholding; `analyse_grid` is the inverse. Pixels of this grid
+    have equal areas within a factor of two, except near the poles. `grid_lmax` selects the grid of a larger
+    lmax than that of the coefficients.
     """
     alm = np.asarray(alm, dtype=complex)
     lmax = lmax_of_size(alm.shape[-1])
@@ -229,7 +229,7 @@ def synthesise_grid(alm, grid_lmax=None):
 
 
 def analyse_grid(fields, lmax):
-    """Coefficients of a field on the grid of `synthesise_grid`; exact if the field goes to `lmax` only."""
+    """Coefficients of a field on the grid of `synthesise_grid`; exact if the field is limited to `lmax`."""
     rings, area = _grid(lmax)
     return np.apply_along_axis(lambda field: _adjoint_synthesis(field * area, lmax, rings), -1, fields)
 
@@ -242,12 +242,12 @@ def gaussian_beam(fwhm, lmax):
 
 
 def multiply_beam(alm, beam):
-    """Coefficients times b_l, (..., n_alm) times (lmax_beam + 1,); in a new array.
+    """Coefficients times b_l, (..., n_alm) times (lmax_beam + 1,), in a new array.
 
     Raises
     ------
     InputError
-        The beam ends before the coefficients do.
+        If the beam ends before the coefficients.
     """
     lmax = lmax_of_size(alm.shape[-1])
     if len(beam) <= lmax:
@@ -256,7 +256,7 @@ def multiply_beam(alm, beam):
 
 
 def synthesise_cube(alms, nside, *, n_channels, label, floats=np.float32):
-    """Cube of the coefficients of one channel after the other, (n_channels, n_pix) `floats`, with a bar."""
+    """Synthesise a cube (n_channels, n_pix) of `floats` channel by channel, with a progress bar."""
     out = np.empty((n_channels, 12 * nside**2), dtype=floats)
     for row, alm in zip(progress(out, label), alms, strict=True):
         row[:] = synthesise(alm, nside)
@@ -269,7 +269,7 @@ def power_spectrum(alms):
 
 
 def gaussian_alm(cl, rng):
-    """A Gaussian realisation of the spectrum `cl`, shape (n_alm,), complex128."""
+    """A Gaussian realisation with spectrum `cl`, (n_alm,), complex128."""
     lmax = len(cl) - 1
     alm = rng.standard_normal(alm_size(lmax)) + 1j * rng.standard_normal(alm_size(lmax))
     alm /= np.sqrt(2)
@@ -278,24 +278,24 @@ def gaussian_alm(cl, rng):
 
 
 def change_resolution(pixels, nside):
-    """One map at another nside: pixel means downwards, copies upwards (no ringing, no new scales)."""
+    """Change nside of one map: pixel means to a lower, copies to a higher one (no ringing, no new scales)."""
     return hp.ud_grade(pixels, nside, power=0)
 
 
 def pixels_in_frame(nside, frame, other):
-    """RING index of the pixel of `other` that the centre of every pixel of `frame` lies in, (n_pix,).
+    """RING index of the pixel of `other` that contains the centre of every pixel of `frame`, (n_pix,).
 
-    Frames are letters of `himap.maps.frames.FRAMES`. So ``pixels[pixels_in_frame(...)]`` is a map of
-    `other` as one of `frame`, with the values that it has and no others: of a mask, or hits.
+    Frames are letters of `himap.maps.frames.FRAMES`. ``pixels[pixels_in_frame(...)]`` converts a map from
+    frame `other` to `frame` without new values, for example a mask or hits.
     """
     vectors = hp.Rotator(coord=[frame, other])(pixel_vectors(nside).T)
     return hp.vec2pix(nside, *vectors)
 
 
 def rotate_maps(maps, frame, other):
-    """Maps (n, n_pix) of `frame` as ones of `other`, by their multipoles to 3 nside - 1.
+    """Rotate maps (n, n_pix) of `frame` to `other`, by their multipoles to 3 nside - 1.
 
-    Frames are letters of `himap.maps.frames.FRAMES`. Unlike a mean of the pixels nearby this keeps C_l.
+    Frames are letters of `himap.maps.frames.FRAMES`. Unlike averaging nearby pixels, this preserves C_l.
     """
     rotator, out = hp.Rotator(coord=[frame, other]), np.empty_like(maps)
     for row, turned in zip(maps, out, strict=True):
@@ -311,7 +311,7 @@ def coupling_matrix(mask_cl, lmax):
     (Hivon et al. 2002, Eq. A31).
     """
     n = min(len(mask_cl), 2 * lmax + 1)
-    # The square of a symbol is half the integral of three Legendre polynomials: exact on so many nodes.
+    # The square of a symbol is half the integral of three Legendre polynomials: exact with n_nodes.
     n_nodes = lmax + n // 2 + 1
     nodes = np.cos(ducc0.misc.GL_thetas(n_nodes))
     legendre = np.polynomial.legendre.legvander(nodes, max(lmax, n - 1)).T

@@ -6,15 +6,15 @@ from scipy import ndimage
 from himap.core.errors import InputError
 from himap.maps import sphere
 
-_B_SPLINE = np.array([1, 4, 6, 4, 1]) / 16  # the cubic B-spline at whole steps
+_B_SPLINE = np.array([1, 4, 6, 4, 1]) / 16  # the cubic B-spline at integer steps
 
 
 def starlet_filters(n_scales, lmax):
     """Filters of the isotropic undecimated wavelets on the sphere, (n_scales + 1, lmax + 1).
 
-    `n_scales` detail scales, fine to coarse, then the smooth rest. With low-pass filters
+    `n_scales` detail scales, fine to coarse, then the smooth scale. With low-pass filters
     phi_j(l) = (3/2) b(2^(j + 1) l / lmax), b the cubic B-spline, and phi_0 = 1, detail scale j is
-    phi_(j - 1) - phi_j (Starck et al. 2006, Sect. 3), so that all add up to 1 at every l.
+    phi_(j - 1) - phi_j (Starck et al. 2006, Sect. 3), so all filters add up to 1 at every l.
     """
     passes = np.vstack([np.ones(lmax + 1), starlet_low_passes(n_scales, lmax)])
     return np.vstack([passes[:-1] - passes[1:], passes[-1]])
@@ -27,9 +27,9 @@ def starlet_low_passes(n_scales, lmax):
 
 
 def bands_of(filters):
-    """For each of some filters, (n, lmax + 1): which coefficients to lmax pass it, and its values on those.
+    """For each of the filters (n, lmax + 1): indices of coefficients that pass it, and its values there.
 
-    These are all coefficients up to some l, so they can be transformed directly. Coarse scales
+    The indices are all coefficients up to some l, so they can be transformed directly. Coarse scales
     end at small l, where transforms are cheap.
     """
     degree = sphere.alm_degree(filters.shape[1] - 1)
@@ -38,9 +38,9 @@ def bands_of(filters):
 
 
 def noise_of_scales(filters, noise):
-    """Standard deviation in every scale of noise of some variance per mode, (n_scales, n).
+    """Standard deviation in every scale of noise with a given variance per mode, (n_scales, n).
 
-    `filters` (n_scales, lmax + 1) are those of the scales, `noise` (lmax + 1, n) is the variance.
+    `filters` are those of the scales, (n_scales, lmax + 1), and `noise` the variance, (lmax + 1, n).
     """
     n_modes = 2 * np.arange(len(noise)) + 1
     return np.sqrt((filters**2 * n_modes) @ noise / (4 * np.pi))
@@ -49,7 +49,7 @@ def noise_of_scales(filters, noise):
 def starlets(maps, n_scales):
     """Starlet scales of HEALPix maps, (n_scales + 1, ..., n_pix); their sum over the first axis is `maps`.
 
-    The finest scale is the map less the others, so that it holds what is beyond lmax = 3 nside - 1.
+    The finest scale is the map less the others, so it includes all power beyond lmax = 3 nside - 1.
     """
     nside = sphere.nside_of(maps)
     alms = sphere.analyse(maps)
@@ -61,16 +61,16 @@ def starlets(maps, n_scales):
 
 
 def cubic_b_spline(x):
-    """The cubic B-spline of x >= 0, which ends at x = 2."""
+    """The cubic B-spline of x >= 0, which is 0 from x = 2."""
     return np.where(x < 1, 2 / 3 - x**2 + x**3 / 2, np.clip(2 - x, 0, None) ** 3 / 6)
 
 
 def cosine_needlets(peaks, lmax):
     """Windows h_j(l) of cosine needlets, (n_peaks, lmax + 1).
 
-    h_j rises from 0 at the peak before to 1 at its own and falls to 0 at the next, as the quarters of a sine
-    and a cosine in l, so that sum_j h_j^2 = 1: what is filtered twice adds up to what it was (Basak &
-    Delabrouille 2012). The first is 1 below its peak, the last beyond.
+    h_j rises from 0 at the previous peak to 1 at its own and falls to 0 at the next, like quarter periods of
+    a sine and a cosine in l, so that sum_j h_j^2 = 1: filtering twice and adding up recovers the field (Basak
+    & Delabrouille 2012). The first is 1 below its peak, the last above.
 
     Parameters
     ----------
@@ -84,27 +84,27 @@ def cosine_needlets(peaks, lmax):
 
 
 class PlaneStarlets:
-    """The starlet transform of images (Starck, Fadili & Murtagh 2007) on the pixels that are seen.
+    """The starlet transform of images (Starck, Fadili & Murtagh 2007) on observed pixels.
 
-    An image c_0 is smoothed again and again, along both axes with the B-spline kernel (1, 4, 6, 4, 1) / 16,
-    its taps 2^(j - 1) pixels apart for c_j ("a trous"). Detail scale j is c_(j - 1) - c_j, so that details
+    An image c_0 is smoothed repeatedly, along both axes with the B-spline kernel (1, 4, 6, 4, 1) / 16,
+    its taps 2^(j - 1) pixels apart for c_j ("a trous"). Detail scale j is c_(j - 1) - c_j, so the details
     and the last c_j add up to the image.
 
-    The kernel takes means over the seen pixels alone: those that are not seen, and what lies beyond the
-    border, have no weight, and the weights of the others are scaled up to add up to 1 (Knutsson & Westin
-    1993). Nothing is filled in, a constant has no details, and all is linear in the pixels.
+    The kernel averages observed pixels only: unobserved pixels and the area beyond the border have no weight,
+    and the other weights are rescaled to add up to 1 (Knutsson & Westin 1993). Nothing is filled in, a
+    constant has no details, and the transform is linear in the pixels.
 
     Parameters
     ----------
     image
-        The seen pixels, (n_y, n_x) bool. Maps have those, row by row, (n_maps, n_pix).
+        The observed pixels, (n_y, n_x) bool. Maps hold these, row by row, (n_maps, n_pix).
     n_scales
         Number of detail scales.
 
     Raises
     ------
     InputError
-        More scales than the image has room for: the taps of the kernel would lie outside, all but one.
+        If there are too many scales for the image: all but one tap of the kernel would lie outside.
     """
 
     def __init__(self, image, n_scales):
@@ -136,14 +136,14 @@ class PlaneStarlets:
         return total[:, self._image]
 
     def _images_of(self, maps):
-        """Maps (n_maps, n_pix) as images (n_maps, n_y, n_x) float64, 0 where nothing is seen."""
+        """Maps (n_maps, n_pix) as images (n_maps, n_y, n_x) float64, 0 in unobserved pixels."""
         images = np.zeros((len(maps), *self._image.shape))
         images[:, self._image] = maps
         return images
 
 
 def _summed(images, step):
-    """Images (..., n_y, n_x) under the kernel with taps `step` pixels apart; 0 lies beyond the border."""
+    """Convolve images (..., n_y, n_x) with the kernel, taps `step` pixels apart; 0 beyond the border."""
     kernel = np.zeros(4 * step + 1)
     kernel[::step] = _B_SPLINE
     for axis in (-1, -2):

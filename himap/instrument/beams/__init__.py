@@ -1,6 +1,6 @@
 """Beams of a telescope: one file per beam, behind one interface.
 
-Every file of this package is found by itself, so a new beam is one new file.
+Every module of this package is discovered automatically, so a new beam is one new file.
 """
 
 import json
@@ -29,14 +29,14 @@ def create(name, **parameters):
 
 
 def named(text):
-    """The beam that a text means: NAME, NAME:PARAMETER=VALUE,... or the path of a file (`FromFile`).
+    """The beam described by a text: NAME, NAME:PARAMETER=VALUE,... or the path of a file (`FromFile`).
 
-    The reverse of ``str(beam)``.
+    The inverse of ``str(beam)``.
 
     Raises
     ------
     InputError
-        Neither; the message lists the names. Or what `create` refuses.
+        If the text is neither (the message lists the names), or if `create` refuses it.
 
     Examples
     --------
@@ -57,7 +57,7 @@ def named(text):
             raise InputError(f"a parameter of the beam {text} is given twice; give it once.")
         values[key.lower()] = value
         if kinds.get(key.lower()) is not str:
-            with suppress(ValueError):  # of what is no number the beam says what it must be
+            with suppress(ValueError):  # the beam itself refuses text in place of a number
                 values[key.lower()] = json.loads(value)
     return create(name, **values)
 

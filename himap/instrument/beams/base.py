@@ -1,7 +1,7 @@
-"""The base of every beam: from its width, or directly, to b_l of every channel; and the register.
+"""The base class of beams, which give b_l of every channel, from a width or directly; and the registry.
 
 A beam is a frozen dataclass of its parameters with one hook. To add one, write one file with one class in
-`himap/instrument/beams/`; it registers by its name, and the contract test runs on it by itself.
+`himap/instrument/beams/`; it is registered under its name, and the contract test covers it automatically.
 """
 
 import numbers
@@ -20,16 +20,16 @@ from himap.maps import sphere
 REGISTRY = {}
 
 DISH = 13.5
-"""Diameter of a dish of MeerKAT, m, as in the paper."""
+"""Diameter of a MeerKAT dish, m, as in the paper."""
 
-_LARGEST_DISH = 1000.0  # m: beyond, it is in cm or mm
+_LARGEST_DISH = 1000.0  # m: larger values are probably in cm or mm
 _LARGEST_LMAX = 100_000
-_FELT = 0.1  # of b_l: where it is read for its width
+_FELT = 0.1  # value of b_l at which its width is measured
 
 
 @dataclass(frozen=True, kw_only=True)
 class Windows:
-    """Window functions b_l of every channel: of the telescope, and of what the analyst does to the maps.
+    """Window functions b_l of every channel: of the telescope, and of the later analysis.
 
     Attributes
     ----------
@@ -55,11 +55,11 @@ class Beam(ABC):
     Attributes
     ----------
     name
-        What it is called in `named`, on the command line and in figures.
+        Name of the beam in `named`, on the command line and in figures.
     follows_dish
-        Whether its width follows from the diameter of the dish.
+        Whether its width depends on the diameter of the dish.
     by_line
-        Whether it is known channel by channel, in the order that the user has the channels in.
+        Whether it is given channel by channel, in the user's order of channels.
     """
 
     name: ClassVar[str]
@@ -75,31 +75,31 @@ class Beam(ABC):
         checked_fields(self)
 
     def __str__(self):
-        """The text that `named` makes it of, parameters at their defaults left out."""
+        """The text from which `named` makes this beam, without parameters at their defaults."""
         values = {item: getattr(self, item.name) for item in fields(self)}
         changed = [f"{item.name}={value}" for item, value in values.items() if value != item.default]
         return f"{self.name}:{','.join(changed)}" if changed else self.name
 
     def chosen_for(self, freqs):
-        """The same beam with what `freqs`, MHz, decide of its parameters, such as the band of a receiver."""
+        """The same beam with parameters that depend on `freqs`, MHz, such as the band of a receiver."""
         return self
 
     def windows(self, freqs, *, lmax, dish_diameter=DISH):
-        """The `Windows` of channels, to `lmax`, or as far as the beam is known.
+        """The `Windows` of channels, up to `lmax` or the largest l at which the beam is known.
 
         Parameters
         ----------
         freqs
-            Channel centres, MHz, (n_channels,); ascending unless the beam goes by lines.
+            Channel centres, MHz, (n_channels,); ascending unless the beam is `by_line`.
         lmax
             Largest multipole.
         dish_diameter
-            m, for beams whose width follows from it.
+            m, for beams whose width depends on it.
 
         Raises
         ------
         InputError
-            Frequencies at which the beam is not known, no such l, or a dish of an unlikely size.
+            If the beam is not known at the frequencies, or `lmax` or the dish diameter is invalid.
         """
         lmax = whole_number("lmax", lmax, 0, _LARGEST_LMAX)
         freqs = np.asarray(freqs, dtype=float) if self.by_line else checked_freqs(freqs, np.size(freqs))
@@ -110,12 +110,12 @@ class Beam(ABC):
         return self._windows(freqs, lmax, dish_diameter)
 
     def of_survey(self, survey):
-        """The `Windows` of a `Survey`, to its lmax.
+        """The `Windows` of a `Survey`, up to its lmax.
 
         Raises
         ------
         InputError
-            As `windows`; or a beam that ends before lmax.
+            As for `windows`; also for a beam that ends before lmax.
         """
         windows = self.windows(survey.freqs, lmax=survey.lmax, dish_diameter=survey.dish_diameter)
         n_degrees = windows.telescope.shape[1]
@@ -154,9 +154,9 @@ def diffraction_fwhm(freqs, dish_diameter):
 
 
 def gaussian_widths(beams):
-    """FWHM, rad, (n_channels,), of the Gaussians that fall as `beams` do, b_l (n_channels, lmax + 1).
+    """FWHM, rad, (n_channels,), of the Gaussians that fall off as `beams` do, b_l (n_channels, lmax + 1).
 
-    Read at the last l where b_l is above a tenth of that at l = 0.
+    Measured at the last l where b_l is above a tenth of its value at l = 0.
     """
     widths = []
     for beam in beams:

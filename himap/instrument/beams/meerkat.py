@@ -1,4 +1,4 @@
-"""The beams of MeerKAT as holography measured them (package katbeam): their width, and with side lobes."""
+"""Beams of MeerKAT as measured by holography (package katbeam): with the width only, or with side lobes."""
 
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
@@ -12,20 +12,20 @@ from himap.core.errors import InputError
 from himap.instrument.beams.base import Beam, GaussianBeam, Windows
 
 _ANY, _BANDS = "any", ("UHF", "L")
-_RADIUS = np.linspace(0, 20, 4001)  # deg; the first side lobe is at 1e-2, the end at 1e-5 or less
+_RADIUS = np.linspace(0, 20, 4001)  # deg; the first side lobe is 1e-2, the power at the end 1e-5 or less
 _LEAST = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True)
 class _OfBand(Beam):
-    """What katbeam knows of one receiver; each band goes from its first node in frequency to its last."""
+    """katbeam's models of one receiver; each band extends from its first node in frequency to its last."""
 
     band: str = parameter(
-        _ANY, "UHF or L; to be named where both hold the frequencies", choices=(_ANY, *_BANDS), off=_ANY
+        _ANY, "UHF or L; required if both contain the frequencies", choices=(_ANY, *_BANDS), off=_ANY
     )
 
     def chosen_for(self, freqs):
-        """The same beam with the band that holds `freqs`, MHz; InputError where that is none or not known."""
+        """The same beam with the band that contains `freqs`, MHz; InputError if there is not exactly one."""
         limits = {band: _model(band).freqMHzlist[[0, -1]] for band in _BANDS}
         wanted = _BANDS if self.band == _ANY else [self.band]
         fit = [band for band in wanted if limits[band][0] <= min(freqs) and max(freqs) <= limits[band][1]]
@@ -46,7 +46,7 @@ class MeerKAT(_OfBand, GaussianBeam):
     Raises
     ------
     InputError
-        An unknown band. In use: katbeam is not installed, or the band does not follow from the frequencies.
+        For an unknown band. In use: if katbeam is not installed, or frequencies do not determine the band.
     """
 
     name: ClassVar[str] = "meerkat"
@@ -63,15 +63,15 @@ class MeerKAT(_OfBand, GaussianBeam):
 
 @dataclass(frozen=True, kw_only=True)
 class MeerKATLobes(_OfBand):
-    """The models of MeerKAT's primary beam with their side lobes: Stokes I averaged over angles.
+    """The models of MeerKAT's primary beam with side lobes: Stokes I averaged over angles.
 
-    A dish of diameter D sees nothing beyond l = 2 pi D / lambda. There b_l is 1e-4: no map shows it, and
-    methods may divide by it.
+    A dish of diameter D does not measure l above 2 pi D / lambda. There b_l is 1e-4: too small to be visible
+    in maps, but methods can divide by it.
 
     Raises
     ------
     InputError
-        As `MeerKAT`.
+        See `MeerKAT`.
     """
 
     name: ClassVar[str] = "meerkat_lobes"
@@ -96,9 +96,9 @@ def _stokes_i(model, freq, radius, n_angles):
     return model.I(radius * np.cos(angle), radius * np.sin(angle), freq).mean(axis=0)
 
 
-@lru_cache(maxsize=16)  # a survey asks again and again
+@lru_cache(maxsize=16)  # a survey calls it repeatedly
 def _lobes(band, freqs, lmax):
-    """b_l = int P(r) P_l(cos r) sin r dr over that of l = 0, (n_channels, lmax + 1)."""
+    """b_l = int P(r) P_l(cos r) sin r dr, over its value at l = 0, (n_channels, lmax + 1)."""
     profiles = np.array([_stokes_i(_model(band), freq, _RADIUS, 12) for freq in freqs])
     legendre = special.eval_legendre(np.arange(lmax + 1)[:, None], np.cos(np.deg2rad(_RADIUS)))
     windows = profiles * np.sin(np.deg2rad(_RADIUS)) @ legendre.T

@@ -1,4 +1,4 @@
-"""Beams from elsewhere: widths or b_l in a file, and another beam with an error of its width."""
+"""Other beams: widths or b_l from a file, and another beam with an error of its width."""
 
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -13,21 +13,21 @@ from himap.core.reading import is_file, read_numbers, regular_file
 from himap.instrument.beams.base import Beam, Windows
 from himap.maps import sphere
 
-_NARROWEST, _WIDEST = 0.04, 10.0  # deg, of a FWHM: less is in rad, more in arcmin
-_TOLERANCE = 0.01  # by which b_l may miss 1 at l = 0
+_NARROWEST, _WIDEST = 0.04, 10.0  # deg, range of a FWHM: smaller values are probably in rad, larger in arcmin
+_TOLERANCE = 0.01  # allowed deviation of b_l from 1 at l = 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class FromFile(Beam):
-    """FWHM in degrees (then Gaussian), or b_l from l = 0, of a .npy or text file.
+    """FWHM in degrees (then Gaussian), or b_l from l = 0, from a .npy or text file.
 
-    One line for each channel: of a survey by ascending frequency, of a cube in the order of the cube's file.
-    Results depend on what the file holds, not on its name.
+    One line for each channel: for a survey by ascending frequency, for a cube in the order of the cube's
+    file. Results depend on the content of the file, not on its name.
 
     Raises
     ------
     InputError
-        No such file; in use, numbers that do not fit the channels or cannot be a beam.
+        If there is no such file; in use, if its numbers do not fit the channels or cannot be a beam.
     """
 
     name: ClassVar[str] = "file"
@@ -41,7 +41,7 @@ class FromFile(Beam):
         return self.path
 
     def digest(self):
-        """A hash of what the file holds, for results that are kept."""
+        """A hash of the content of the file, for stored results."""
         return sha256(Path(self.path).read_bytes()).hexdigest()
 
     def _windows(self, freqs, lmax, dish_diameter):
@@ -73,22 +73,22 @@ class FromFile(Beam):
 
 @dataclass(frozen=True, kw_only=True)
 class PerturbedBeam(Beam):
-    """Another beam whose FWHM is wrong by a share e = width + ripple sin(2 pi nu / period + phase).
+    """Another beam whose FWHM has a relative error e = width + ripple sin(2 pi nu / period + phase).
 
-    That of a Gaussian is b_l to the power (1 + e)^2; the same is used for any other. Parameters of that beam
-    are separated by semicolons, so that ``str`` of both can be read again.
+    For a Gaussian this is b_l to the power (1 + e)^2; the same is used for other beams. Parameters of the
+    other beam are separated by semicolons, so that ``str`` of both can be parsed.
 
     Raises
     ------
     InputError
-        An unknown beam, or a field outside its range.
+        For an unknown beam, or a field outside its range.
     """
 
     name: ClassVar[str] = "misjudged"
-    beam: str = parameter("oscillating", "the beam that it is, by name, or a file")
+    beam: str = parameter("oscillating", "the true beam, by name, or a file")
     width: float = parameter(0.0, "relative error of the FWHM of all channels", minimum=-0.5, maximum=0.5)
     ripple: float = parameter(
-        0.0, "relative amplitude of an error that oscillates", minimum=-0.5, maximum=0.5
+        0.0, "relative amplitude of the oscillating error", minimum=-0.5, maximum=0.5
     )
     period: float = parameter(20.0, "its period, MHz", minimum=0, above=True)
     phase: float = parameter(0.0, "its phase at 0 MHz, rad")
@@ -101,7 +101,7 @@ class PerturbedBeam(Beam):
 
     @property
     def _true(self):
-        from himap.instrument.beams import named  # here, because the register finds this beam too
+        from himap.instrument.beams import named  # here, because the registry imports this module
 
         return named(self.beam if is_file(self.beam) else self.beam.replace(";", ","))
 
@@ -112,15 +112,15 @@ class PerturbedBeam(Beam):
 
     @property
     def by_line(self):
-        """Whether the true beam goes by the lines of a file."""
+        """Whether the true beam is given by the lines of a file."""
         return self._true.by_line
 
     def chosen_for(self, freqs):
-        """The same error of the beam that the true one is at `freqs`, MHz."""
+        """The same error of the true beam as chosen for `freqs`, MHz."""
         return replace(self, beam=str(self._true.chosen_for(freqs)))
 
     def digest(self):
-        """A hash of the file that holds the beam, if one does, for results that are kept."""
+        """A hash of the file of the beam, if it has one, for stored results."""
         return self._true.digest() if self.by_line else ""
 
     def error(self, freqs):
@@ -130,6 +130,6 @@ class PerturbedBeam(Beam):
     def _windows(self, freqs, lmax, dish_diameter):
         true = self._true.windows(freqs, lmax=lmax, dish_diameter=dish_diameter)
         power = (1 + self.error(freqs)[:, None]) ** 2
-        # The analyst knows the resmoothing; b_l of a measured beam may be below zero where it is nothing.
+        # The resmoothing is known exactly; b_l of a measured beam may be slightly negative.
         telescope = np.sign(true.telescope) * np.abs(true.telescope) ** power
         return Windows(telescope=telescope, resmoothing=true.resmoothing)

@@ -14,15 +14,15 @@ NOISE = {
     "smoothed": "smoothed with the maps, as what is observed and degraded later has it",
     "white": "added to the degraded maps, and not smoothed",
 }
-"""Readings of the noise of degraded maps: the paper adds white noise after the beam, of which it is a part
-(Sects. 2 and 2.2.1), yet it is maps that were observed, with their noise, that an analyst degrades."""
+"""Readings of the noise of degraded maps: the paper adds white noise after the beam, which includes degrading
+(Sects. 2 and 2.2.1), but an analyst degrades observed maps together with their noise."""
 
 RIPPLES = {
     "bracket": "P(nu) + (0.1/60) sin, times lambda/D: 0.14 % of the FWHM",
     "additive": "lambda/D + 0.1 arcmin sin",
     "additive_strong": "lambda/D + 0.5 arcmin sin: 0.7 % of the FWHM",
 }
-"""Readings of the ripple in the paper's Eq. 10, where arcmin inside a plain number are ambiguous."""
+"""Readings of the ripple in the paper's Eq. 10, where arcmin inside a dimensionless factor are ambiguous."""
 
 _ARCMIN = {"additive": 0.1, "additive_strong": 0.5}
 _PERIOD = 20.0  # MHz
@@ -38,12 +38,12 @@ _MATSHAWULE = (
     -3.02516490e-17,
     3.40234907e-21,
 )
-_MATSHAWULE_RANGE = (850.0, 1420.0)  # MHz; the polynomial reaches 1.5 at 1500 and 13 at 1650
+_MATSHAWULE_RANGE = (850.0, 1420.0)  # MHz; beyond, the polynomial diverges: 1.5 at 1500 and 13 at 1650
 
 
 @dataclass(frozen=True, kw_only=True)
 class Evolving(GaussianBeam):
-    """Gaussian, as wide as diffraction makes it: FWHM = lambda / D (paper, Eq. 8)."""
+    """Gaussian with the width of diffraction: FWHM = lambda / D (paper, Eq. 8)."""
 
     name: ClassVar[str] = "evolving"
     follows_dish: ClassVar[bool] = True
@@ -56,13 +56,13 @@ class Evolving(GaussianBeam):
 class Degraded(GaussianBeam):
     """The evolving beam, followed by smoothing every channel to the resolution of the worst.
 
-    sigma_new^2 = sigma_worst^2 - sigma^2 (paper, Eq. 9). How the noise is treated is in `NOISE`; the b_l of
+    sigma_new^2 = sigma_worst^2 - sigma^2 (paper, Eq. 9). The treatment of the noise is in `NOISE`; the b_l of
     the sky are the same for both.
 
     Raises
     ------
     InputError
-        An unknown reading of the noise.
+        For an unknown reading of the noise.
     """
 
     name: ClassVar[str] = "degraded"
@@ -91,7 +91,7 @@ class Oscillating(GaussianBeam):
     Raises
     ------
     InputError
-        Unknown ripple; in use, frequencies outside the range of the polynomial, 850 to 1420 MHz.
+        For an unknown ripple; in use, for frequencies outside the polynomial's range, 850 to 1420 MHz.
     """
 
     name: ClassVar[str] = "oscillating"
@@ -109,12 +109,12 @@ class Oscillating(GaussianBeam):
 class Rippled(GaussianBeam):
     """Gaussian, FWHM = lambda / D [sum_d a_d nu^d + A sin(2 pi nu / period + phase)] (paper, Eq. 10).
 
-    With its defaults it is `Oscillating()`, A = 0.1 / 60.
+    With default parameters it is `Oscillating()`, A = 0.1 / 60.
 
     Raises
     ------
     InputError
-        A field outside its range; in use, frequencies as for `Oscillating`.
+        For a field outside its range; in use, for frequencies as in `Oscillating`.
     """
 
     name: ClassVar[str] = "rippled"
