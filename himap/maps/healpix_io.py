@@ -306,7 +306,7 @@ def freq_in_header(header, path):
 
 
 def agreed(stated, header_freq, path):
-    """The frequency in MHz given by a name (`Stated`) and a header (`freq_in_header`), with the latter's digits.
+    """The frequency in MHz from a name (`Stated`) and a header (`freq_in_header`), with the header's digits.
 
     The name shows whether the header is in MHz, GHz or Hz; `path` is the file, for the error.
 

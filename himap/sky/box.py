@@ -1,7 +1,7 @@
-"""A Gaussian field in a periodic box of cells, and the displacement of matter that belongs to it.
+"""A Gaussian field in a periodic box of cells, and the corresponding displacement of matter.
 
-Transforms go plane by plane and then column by column, in place, so a box may be in memory or in a file.
-Arrays are float32 (complex64 for modes) and one box large.
+Transforms run plane by plane and then column by column, in place, so a box may be in memory or in a file.
+Arrays are float32 (complex64 for modes), and a box is one large array.
 """
 
 import math
@@ -18,34 +18,34 @@ from himap.core.survey import NESTED_CELLS
 from himap.maps.low_rank import blocks
 
 STEP = 2.0**-9
-"""Mpc/h: displacements in a box of more than `NESTED_CELLS` cells a side are whole numbers of it, up to 64
-Mpc/h, whether the box is in memory or in files."""
+"""Mpc/h. In a box with more than `NESTED_CELLS` cells per side, displacements are integer multiples of it, up
+to 64 Mpc/h, whether the box is in memory or in files."""
 
 _DENSITY, _POTENTIAL, _ALONG_X = range(3)
 _LABELS = "HI density", "HI velocities, y and z", "HI velocities, x"
-_TABLE_SIZE = 65536  # of |k| for amplitudes; linear interpolation is good to 1e-4 at the fundamental mode
-_BLOCK, _BLOCK_IN_FILES = 2**28, 2**31  # bytes of the columns that are transformed at once: a disk writes
-# longer pieces of lines several times as fast
+_TABLE_SIZE = 65536  # values of |k| for amplitudes; linear interpolation: 1e-4 at the fundamental mode
+_BLOCK, _BLOCK_IN_FILES = 2**28, 2**31  # bytes of the columns transformed at once: a disk writes
+# longer pieces of lines several times faster
 
 
 class GaussianBox:
-    """A Gaussian field of a power spectrum, the observer at the centre, on the corner shared by eight cells.
+    """A Gaussian field with a given power spectrum; the observer is at the centre, a corner of eight cells.
 
     White noise is drawn in real space, plane by plane from child streams of `rng`, and again for each field;
-    the result does not depend on the number of threads. A box of more than `NESTED_CELLS` cells a side has
-    the modes of the one of `NESTED_CELLS` cells of the same `rng`; those beyond are drawn row by row.
+    the result does not depend on the number of threads. A box with more than `NESTED_CELLS` cells per side
+    has the modes of the box of `NESTED_CELLS` cells with the same `rng`; modes beyond are drawn row by row.
 
     Parameters
     ----------
     power
         Function of k (h/Mpc) that returns P(k) in (Mpc/h)^3.
     n_cells, box_size
-        Cells and length (Mpc/h) of a side.
+        Number of cells and length (Mpc/h) of a side.
     rng
         numpy Generator.
     folder
-        A `Path` for files with what is large (`file_bytes`); default: memory, up to 8 bytes a cell. An array
-        that is complete in such a folder, from a run with the same arguments, is not made again.
+        A `Path` for files with large arrays (`file_bytes`); default: memory, up to 8 bytes per cell. An array
+        completed in such a folder by a run with the same arguments is reused.
     """
 
     def __init__(self, power, n_cells, box_size, rng, *, folder=None):
@@ -64,36 +64,36 @@ class GaussianBox:
         self._field, self._is_complete = self._array("density", np.complex64, n_cells // 2 + 1)
 
     def _array(self, name, dtype, length):
-        """An array (n, n, length), in a file if there is a folder, and whether it is complete there."""
+        """An array (n, n, length), in a file if there is a folder, and whether it is already complete."""
         shape = (self.n_cells, self.n_cells, length)
         if self.folder is None:
             return np.empty(shape, dtype=dtype), False
         file, is_complete = self.folder / name, (self.folder / f"{name}.complete").exists()
         if not is_complete:
             with open(file, "wb") as content:
-                if hasattr(os, "posix_fallocate"):  # so that the file is in one piece of the disk
+                if hasattr(os, "posix_fallocate"):  # so that the file is contiguous on disk
                     os.posix_fallocate(content.fileno(), 0, math.prod(shape) * np.dtype(dtype).itemsize)
         return np.asarray(np.memmap(file, dtype=dtype, mode="r+", shape=shape)), is_complete
 
     def _complete(self, name):
-        """Mark an array in a file as complete, once the disk has it."""
+        """Mark an array in a file as complete, after it is on disk."""
         if self.folder is not None:
             with open(self.folder / name, "rb+") as content:
                 os.fsync(content.fileno())
             (self.folder / f"{name}.complete").touch()
 
     def density(self, change=lambda i, plane, variance: plane):
-        """The field, (n, n, n) float32; nothing else can be asked of the box after it.
+        """The field, (n, n, n) float32; the box cannot be used afterwards.
 
         Parameters
         ----------
         change
-            Function of the number of a plane, its field (n, n) and the variance of the box (mean 0);
-            gives what is kept of the plane.
+            Function of the index of a plane, its field (n, n) and the variance of the box (mean 0), which
+            returns the plane to keep.
         """
         n, planes = self.n_cells, () if self._is_complete else self._planes(_DENSITY)
         flat = self._field.reshape(-1).view(np.float32)[: n**3].reshape(n, n, n)
-        for i, modes in planes:  # a plane is written where it, or one before, was
+        for i, modes in planes:  # a plane overwrites its own modes, or those of an earlier one
             flat[i] = change(i, fft.irfft2(modes, s=(n, n), workers=-1), self._variance)
         self._complete("density")
         return flat
@@ -106,7 +106,7 @@ class GaussianBox:
         Parameters
         ----------
         factor
-            Function of the number of a plane that gives what its displacements are multiplied by, (n, n).
+            Function of the index of a plane that returns the factor of its displacements, (n, n).
 
         Returns
         -------
@@ -116,7 +116,7 @@ class GaussianBox:
         Raises
         ------
         InputError
-            One too large for int16.
+            If one is too large for int16.
         """
         n, x = self.n_cells, self.x
         out, is_complete = self._array("displacement", np.float32 if self._coarse is None else np.int16, n)
@@ -147,9 +147,9 @@ class GaussianBox:
         return out
 
     def _planes(self, part):
-        """Pairs of the number of a plane, x fixed, and its modes of a part of the field, (n, n // 2 + 1)."""
+        """Pairs of the index of a plane of fixed x and its modes of a part of the field, (n, n // 2 + 1)."""
         n, in_files = self.n_cells, self.folder is not None
-        if in_files:  # a file anew, of which nothing is read before it is written
+        if in_files:  # a new file, in which nothing is read before it is written
             self._field, _ = self._array("density", np.complex64, n // 2 + 1)
         field, powers = self._field, []
         streams = [np.random.Generator(type(self._rng.bit_generator)(seed)) for seed in self._seeds]
@@ -172,12 +172,12 @@ class GaussianBox:
 
 
 def unit_of(displacement):
-    """Mpc/h of the numbers of a displacement."""
+    """Unit of the values of a displacement, Mpc/h."""
     return STEP if displacement.dtype == np.int16 else 1.0
 
 
 def file_bytes(n_cells):
-    """Of a box in files."""
+    """Size of a box in files, bytes."""
     return (6 if n_cells > NESTED_CELLS else 8) * n_cells**3
 
 
@@ -217,8 +217,8 @@ def _draw_rows(streams, planes):
 def _shape(modes, first, table, k_unit, k_max, part):
     """Multiply white noise in place by the amplitude at |k|, interpolated in `table`; rows begin at `first`.
 
-    The potential is divided by k^2 and `k_unit`, so that its gradient is along integers; its part along x has
-    that gradient. Returns the sum of |modes|^2, with those that a real field has twice.
+    The potential is divided by k^2 and by `k_unit`, so its gradient has integer wavenumbers; the part along x
+    is that gradient. Returns the sum of |modes|^2, counting twice those that a real field has twice.
     """
     n, last = modes.shape[0], modes.shape[2] - 1
     powers = np.zeros(n)
@@ -246,9 +246,9 @@ def _shape(modes, first, table, k_unit, k_max, part):
 
 @njit(parallel=True, cache=True)
 def _insert(modes, coarse, first):
-    """Put the modes of a smaller box of the same size in Mpc/h into those of a finer one, rows from `first`.
+    """Copy the modes of a coarser box of the same size in Mpc/h into those of a finer one, rows from `first`.
 
-    The first cell centre, where transforms begin, is elsewhere: k turns by pi k (1 / n_fine - 1 / n_coarse).
+    The first cell centre, where transforms begin, differs: phases get pi k (1 / n_fine - 1 / n_coarse).
     """
     n, n_coarse = modes.shape[0], coarse.shape[0]
     top = n_coarse // 2

@@ -1,4 +1,4 @@
-"""Background, growth, linear power spectrum, and how much HI there is (paper, Sect. 2.1.1).
+"""Background, growth, linear power spectrum, and abundance of HI (paper, Sect. 2.1.1).
 
 Distances are comoving, in Mpc/h; wavenumbers in h/Mpc; temperatures in mK.
 """
@@ -19,7 +19,7 @@ from himap.core.survey import FREQ_21CM
 _EINSTEIN_A10 = 2.86888e-15 / u.s  # Gould 1994, ApJ 423, 522
 _HUBBLE_DISTANCE = const.c.to_value(u.km / u.s) / 100  # c / H0 in Mpc/h
 Z_MAX = 5.0
-"""Redshift where the tables of a `Cosmology` end."""
+"""Largest redshift in the tables of a `Cosmology`."""
 
 
 def redshift(freqs):
@@ -93,7 +93,7 @@ class Cosmology:
     def linear_power(self, k):
         """Linear matter power spectrum today, (Mpc/h)^3, at `k` in h/Mpc; zero at k = 0.
 
-        From CAMB, scaled to sigma_8. Beyond the tabulated range (1e-4 to 50 h/Mpc) the two ends are
+        From CAMB, scaled to sigma_8. Beyond the tabulated range (1e-4 to 50 h/Mpc) both ends are
         continued as power laws.
         """
         k = np.asarray(k, dtype=float)
@@ -107,7 +107,7 @@ class Cosmology:
 
 
 def _inside(label, values, top):
-    """`values`, between 0 and `top`, where the splines are."""
+    """Return `values` if they are between 0 and `top`, where the splines are defined; else InputError."""
     values = np.asarray(values, dtype=float)
     if values.size and not (values.min() >= 0 and values.max() <= top):
         raise InputError(

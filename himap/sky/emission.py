@@ -16,7 +16,7 @@ class PowerLaw:
     Parameters
     ----------
     name
-        For labels and messages.
+        Name in labels and messages.
     amplitude
         Brightness temperature at `freq_ref`, mK (Rayleigh-Jeans), shape (n_pix,), RING, Galactic.
     freq_ref
@@ -40,9 +40,9 @@ def emission_modes(components, freqs):
 
     It is exact to 1e-11 of the brightest pixel at 900 to 1400 MHz, and to 1e-9 from 240 MHz on.
 
-    With x = ln(nu / nu_0) in the middle of the band and the index beta in the middle of its range,
-    (nu / nu_0)^index = (nu / nu_0)^beta sum_n x^n (index - beta)^n / n!, which ends after some ten terms. So
-    whatever is linear, such as a transform, need not be done for each channel.
+    With x = ln(nu / nu_0) from the middle of the band and beta the middle of the range of the index, (nu /
+    nu_0)^index = (nu / nu_0)^beta sum_n x^n (index - beta)^n / n!, which converges after about ten terms. So
+    linear operations, such as a transform, need not be repeated for each channel.
 
     Returns
     -------
@@ -65,10 +65,10 @@ def emission_modes(components, freqs):
             term, pixels = term * x / order, pixels * (component.index - centre)
             if (np.abs(x).max() * 0.5 * (high - low)) ** order <= _TOLERANCE * factorial(order):
                 break
-    # In as few terms as the sum needs: components that resemble each other share theirs.
+    # Use as few terms as the sum needs: similar components share theirs.
     axes, triangle = np.linalg.qr(np.stack(maps).T)
     left, size, right = np.linalg.svd(np.stack(spectra, axis=1) @ triangle.T, full_matrices=False)
-    kept = size > 0.1 * _TOLERANCE * size[0]  # faint pixels too keep their digits
+    kept = size > 0.1 * _TOLERANCE * size[0]  # faint pixels keep their digits, too
     return left[:, kept] * size[kept], right[kept] @ axes.T
 
 

@@ -22,14 +22,14 @@ from himap.sky.templates import (
 )
 
 SOURCES = ("synthetic", "templates", "pysm3")
-"""Synthetic; FITS files of a folder; PySM 3's models s1 and f1, those of the paper."""
+"""Synthetic; FITS files in a folder; models s1 and f1 of PySM 3, as in the paper."""
 
-_WIDTHS = 3  # standard deviations of the dimming from the plane to its edge
+_WIDTHS = 3  # standard deviations of the dimming between the plane and its edge
 
 
 @dataclass(frozen=True, kw_only=True)
 class Galaxy:
-    """Which Galaxy to simulate.
+    """Choice of the simulated Galaxy.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ class Galaxy:
     Raises
     ------
     InputError
-        An unknown source, a folder that is missing, does not exist or has no use, or "synthetic" without
-        small scales.
+        For an unknown source, a folder that is missing, does not exist or is not needed, or "synthetic"
+        without small scales.
     """
 
     source: str = "synthetic"
@@ -77,12 +77,12 @@ class Galaxy:
 
     @property
     def label(self):
-        """What figures say under them: the source, and of templates their nside, where the real sky ends.
+        """Text below figures: the source, and for templates their nside, beyond which the sky is not real.
 
         Raises
         ------
         InputError
-            A template that cannot be read.
+            If a template cannot be read.
         """
         if self.source != "templates":
             return self.source
@@ -99,7 +99,7 @@ class Galaxy:
         Raises
         ------
         InputError
-            `nside` is no power of two, a template is not usable, or PySM cannot download its own.
+            If `nside` is not a power of two, a template is unusable, or PySM cannot download its templates.
         """
         nside = power_of_two("nside", nside, 1, 8192)
         if self.source == "synthetic":
@@ -111,7 +111,7 @@ class Galaxy:
         ]
 
     def digest(self):
-        """A hash of what the components depend on besides the fields: files, or the version of pysm3."""
+        """A hash of what determines the components besides the fields: files, or the pysm3 version."""
         if self.source == "templates":
             return digest_of(self.template_dir)
         if self.source == "pysm3":
@@ -125,12 +125,12 @@ class Dimming:
 
     w(b) = 1 - (1 - w_0) (g(b) - g(edge)) / (1 - g(edge)) with the Gaussian g(b) = exp(-b^2 / (2 sigma^2)),
     sigma = edge / 3, and w = 1 beyond the edge. The paper gives the weight in the plane, 0.1, and the
-    latitude from which the sky is as it was, 15 deg; the width of its Gaussian it does not say.
+    latitude beyond which the sky is unchanged, 15 deg, but not the width of its Gaussian.
 
     Raises
     ------
     InputError
-        A weight outside 0 to 1, or an edge outside 0 to 90 deg.
+        If the weight is outside 0 to 1, or the edge outside 0 to 90 deg.
     """
 
     weight: float = parameter(0.1, "weight of the foregrounds at b = 0", minimum=0, maximum=1)
@@ -151,7 +151,7 @@ class Dimming:
 def foreground_components(survey, galaxy):
     """Every foreground as a `PowerLaw`: synchrotron, free-free, point sources.
 
-    The Galaxy and the sources have a random stream each, so changing one does not change the other.
+    The Galaxy and the point sources have separate random streams, so changing one leaves the other unchanged.
 
     Parameters
     ----------

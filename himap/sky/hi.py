@@ -30,22 +30,22 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8, folder=None)
     rsd
         Whether to move matter to redshift space.
     oversample
-        Rays per cell of the box, across; steps along a ray are half as long. At 1.8, the most with which
-        16 rays a pixel reach 900 MHz in all presets, 4 changes the power up to l = 2 nside by about 1 %
-        (tests/test_hi.py holds it to 1.5 %).
+        Rays per cell of the box, in the transverse direction; steps along a ray are half as long. 1.8 is the
+        largest value with which 16 rays per pixel reach 900 MHz in all presets; using 4 instead changes the
+        power up to l = 2 nside by about 1 % (tests/test_hi.py limits it to 1.5 %).
     folder
-        As of `lognormal_box`.
+        As in `lognormal_box`.
 
     Returns
     -------
     maps
-        (n_channels, n_pix) float32, mK, RING: T = Tbar(z) (1 + delta_s); negative only where
-        1 + delta is.
+        (n_channels, n_pix) float32, mK, RING: T = Tbar(z) (1 + delta_s); negative only where 1 + delta
+        is negative.
 
     Raises
     ------
     InputError
-        The band reaches beyond the box.
+        If the band extends beyond the box.
     """
     cosmology = model.cosmology
     edges = cosmology.comoving_distance(redshift(survey.freq_edges))[::-1]
@@ -67,34 +67,34 @@ def hi_maps(survey, rng, *, model=_MODEL, rsd=True, oversample=1.8, folder=None)
 def lognormal_box(
     n_cells, box_size, rng, *, model=_MODEL, rsd=True, r_smooth=0.0, hi_bias="exponential", folder=None
 ):
-    """1 + delta_HI on the light cone of an observer at the centre, and the way to redshift space.
+    """1 + delta_HI on the light cone of an observer at the centre, and the displacement to redshift space.
 
     1 + delta = exp(b D delta_G - (b D)^2 sigma_G^2 / 2), with bias b and growth D at the redshift of the
-    cell, so it is positive, has mean 1, and correlation exp(b^2 D^2 xi) - 1. With ``hi_bias="contrast"`` it
-    is 1 + b (exp(D delta_G - D^2 sigma_G^2 / 2) - 1), with b^2 (exp(D^2 xi) - 1), and voids may be negative
-    if b > 1.
+    cell, so it is positive, with mean 1 and correlation exp(b^2 D^2 xi) - 1. With ``hi_bias="contrast"`` it
+    is 1 + b (exp(D delta_G - D^2 sigma_G^2 / 2) - 1), with correlation b^2 (exp(D^2 xi) - 1), and may be
+    negative in voids if b > 1.
 
     Linear displacements are psi = -grad(inverse Laplacian of delta_G), so psi_k = i k delta_k / k^2; the
-    radial component is at the cell centres. In redshift space a cell moves by f D psi_r (Kaiser 1987).
+    radial component is given at cell centres. In redshift space a cell moves by f D psi_r (Kaiser 1987).
 
     Parameters
     ----------
     n_cells, box_size, rng, model, rsd
-        As of `hi_maps` and `GaussianBox`.
+        As in `hi_maps` and `GaussianBox`.
     r_smooth
-        Mpc/h: the modes of the matter, from which delta_G and the velocities follow, are multiplied by
-        exp(-k^2 r_smooth^2 / 2), as with the option of that name of CRIME.
+        Mpc/h: the modes of matter, which determine delta_G and the velocities, are multiplied by
+        exp(-k^2 r_smooth^2 / 2), like the option of that name in CRIME.
     hi_bias
-        "exponential" or "contrast": what the bias multiplies.
+        "exponential" or "contrast": the quantity that the bias multiplies.
     folder
-        A `Path`: the box is in files there while it is used; default: in memory. The result is the same.
+        A `Path` for files that hold the box during the calculation; default: memory. Results are equal.
 
     Returns
     -------
     density
         (n, n, n) float32.
     displacement
-        f D psi_r, (n, n, n), as of `GaussianBox.radial_displacement`; None without `rsd`.
+        f D psi_r, (n, n, n), as from `GaussianBox.radial_displacement`; None without `rsd`.
     """
     if hi_bias not in ("exponential", "contrast"):
         raise InputError(f"hi_bias must be exponential or contrast, got {hi_bias!r}.")
@@ -102,7 +102,7 @@ def lognormal_box(
     def power(k):
         return model.cosmology.linear_power(k) * np.exp(-((k * r_smooth) ** 2))
 
-    # Growth and bias against distance, out to the corner of the box.
+    # Growth and bias by distance, up to the corner of the box.
     radius = np.linspace(0, np.sqrt(3) * box_size / 2, 4096)
     z = model.cosmology.redshift_at(np.minimum(radius, model.cosmology.comoving_distance(Z_MAX)))
     growth = model.cosmology.growth(z)
@@ -125,7 +125,7 @@ def lognormal_box(
 
 @njit(parallel=True, cache=True)
 def at_distances(x, along, step, table):
-    """What a table has for the distances 0, `step`, ... at the cells of the plane at `x`, (n, n) float32."""
+    """Interpolate a table for distances 0, `step`, ... at the cells of the plane at `x`, (n, n) float32."""
     out = np.empty((len(along), len(along)), dtype=np.float32)
     for j in prange(len(along)):
         for k in range(len(along)):

@@ -1,8 +1,8 @@
 """From a box of cells to channel maps: rays through the box, in redshift space, averaged.
 
-Every pixel sends rays through the box. Along a ray, matter between r and r + dr lands between
-s(r) and s(r + dr), s = r + displacement, and is shared among the channels it overlaps there. What
-leaves one channel arrives in another: the average over a channel is exact and mass is conserved.
+Every pixel sends rays through the box. Matter between r and r + dr along a ray is moved to the range from
+s(r) to s(r + dr), s = r + displacement, and shared among the channels that this overlaps. Matter that
+leaves one channel enters another: the average over a channel is exact and mass is conserved.
 """
 
 import numpy as np
@@ -12,23 +12,23 @@ from himap.core.progress import progress
 from himap.maps import sphere
 from himap.sky.box import unit_of
 
-_STEPS_PER_GAP = 2  # along a ray nothing else smooths, so steps are finer than the gaps between rays
+_STEPS_PER_GAP = 2  # nothing else smooths along a ray, so steps are finer than the gaps between rays
 _BLOCKS = 50  # of pixels, between which progress is shown
 _MARGIN = 30.0  # Mpc/h beyond the band on either side; linear displacements are 3 Mpc/h rms
 
 
 def plan_rays(nside, cell, distance_min, distance_max, *, oversample=1.8):
-    """Rays no further apart than `cell` / `oversample`, with steps half as long, across a band.
+    """Plan rays no further apart than `cell` / `oversample`, with steps half as long, across a band.
 
-    `cell`, `distance_min` and `distance_max` in Mpc/h; a margin for matter displaced into the band is added.
+    `cell`, `distance_min`, `distance_max` in Mpc/h; a margin for matter displaced into the band is added.
 
     Returns
     -------
     bounds
-        Of shells, Mpc/h. The pixel grows with distance, so far shells get more rays: in shell j, the first
-        is 0, each pixel sends 4^j.
+        Edges of shells, Mpc/h. Pixels grow with distance, so far shells get more rays: in shell j, counted
+        from 0, each pixel sends 4^j.
     step
-        Along a ray, Mpc/h.
+        Step along a ray, Mpc/h.
     """
     start, stop = max(distance_min - _MARGIN, 0.0), distance_max + _MARGIN
     pixel = np.sqrt(4 * np.pi / (12 * nside**2))
@@ -47,14 +47,14 @@ def trace(density, displacement, distance_edges, nside, box_size, *, oversample=
     density
         (n, n, n) float32, 1 + delta at the cell centres.
     displacement
-        (n, n, n), from real to redshift space, away from the observer, as of
-        `GaussianBox.radial_displacement`; None for none. It is interpolated across the faces of the box as if
-        it were periodic, which is wrong within half a cell of them: up to 1 % of C_l in the channel that
-        touches a face.
+        (n, n, n), from real to redshift space, away from the observer, as from
+        `GaussianBox.radial_displacement`; None for none. Interpolation treats the box as periodic, which is
+        wrong within half a cell of its faces: an error of up to 1 % of C_l in the channel that touches a
+        face.
     distance_edges
         Channel edges as comoving distances, ascending, (n_channels + 1,), Mpc/h.
     nside, box_size, oversample
-        Resolution of the maps, side of the box in Mpc/h, and as of `plan_rays`.
+        Resolution of the maps, side of the box in Mpc/h, and as in `plan_rays`.
 
     Returns
     -------
@@ -89,8 +89,8 @@ def _trace_shell(density, displacement, unit, vectors, ring, radii, edges, per_c
     """Add the shell between radii[0] and radii[-1] to `maps`, as integrals over each channel.
 
     Displacements are in units of `unit`, 0 if there are none. `vectors` (n_pixels, n_rays, 3) are ray
-    directions, `ring` the RING index of each pixel. One thread owns a pixel: the sums are the same for any
-    number of threads.
+    directions, `ring` the RING index of each pixel. Each pixel is summed by one thread, so sums do not depend
+    on the number of threads.
     """
     n_rays = vectors.shape[1]
     nodes = (radii * per_cell).astype(np.float32)
@@ -111,10 +111,10 @@ def _trace_shell(density, displacement, unit, vectors, ring, radii, edges, per_c
 
 @njit(fastmath=True)
 def _deposit(row, edges, radii, moved, density):
-    """Share the mass of every step along a ray among the channels that it lands in.
+    """Share the mass of every step along a ray among the channels in which it ends.
 
-    `moved` displaces the ends of the steps, `radii`; `density` is that of each step, which is spread evenly
-    over where it lands. Most steps land entirely in the channel of the step before.
+    `moved` are the displaced ends of the steps, `radii`; `density` is that of each step, which is spread
+    evenly over the displaced step. Most steps lie entirely in the channel of the previous step.
     """
     channel, inside = 0, 0.0
     near = radii[0] + moved[0]
@@ -144,16 +144,16 @@ def _deposit(row, edges, radii, moved, density):
 def _interpolate(field, direction, radii, cells, weights, out):
     """`field` at `radii` cells from the centre towards `direction`: trilinear, periodic.
 
-    `cells` (6, n) and `weights` (3, n) are room to work in. Places are computed for the entire ray first, in
-    a loop that the compiler turns into vector instructions, as it cannot with the lookups of the cells
-    within it; that is 2.5 times faster.
+    `cells` (6, n) and `weights` (3, n) are work arrays. Positions are computed for the full ray first, in a
+    loop that the compiler can vectorise, unlike one that includes the lookups of cells; that is 2.5 times
+    faster.
     """
     n = np.uint64(field.shape[0])
     flat = field.ravel()
     for axis in range(3):
         _neighbours(direction[axis], radii, len(field), cells[2 * axis], cells[2 * axis + 1], weights[axis])
     for i in range(len(radii)):
-        # Unsigned, or every lookup would first ask whether it counts from the end.
+        # Unsigned, so that lookups need no check for negative indices.
         row, next_row = np.uint64(cells[0, i]) * n, np.uint64(cells[1, i]) * n
         j, next_j = np.uint64(cells[2, i]), np.uint64(cells[3, i])
         k, next_k = np.uint64(cells[4, i]), np.uint64(cells[5, i])
@@ -166,7 +166,7 @@ def _interpolate(field, direction, radii, cells, weights, out):
 
 @njit(fastmath=True, inline="always")
 def _between(flat, line, next_line, k, next_k, across, along):
-    """Bilinear between four cells: `k` and `next_k` of the line that starts at `line`, and of the next."""
+    """Interpolate bilinearly in four cells: `k`, `next_k` of the line that starts at `line` and the next."""
     first = flat[line + k] + along * (flat[line + next_k] - flat[line + k])
     second = flat[next_line + k] + along * (flat[next_line + next_k] - flat[next_line + k])
     return first + across * (second - first)
@@ -174,7 +174,7 @@ def _between(flat, line, next_line, k, next_k, across, along):
 
 @njit(fastmath=True)
 def _neighbours(component, radii, n, low, high, weight):
-    """The cells on either side of every position, wrapped once around, and the weight of the second."""
+    """The cells on either side of every position, wrapped periodically, and the weight of the second one."""
     half, n = np.float32(0.5 * n - 0.5), np.int32(n)
     for i in range(len(radii)):
         position = radii[i] * component + half

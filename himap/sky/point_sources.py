@@ -1,9 +1,9 @@
 """Extragalactic radio sources (paper, Sect. 2.1.4).
 
 Faint sources are a field with a mean, clustering and Poisson fluctuations; sources between
-`FLUX_FAINT` and `FLUX_REMOVED` are injected one by one; brighter ones count as removed. Counts of
-Battye et al. (2013) at 1.4 GHz, in the recipe of Olivari et al. (2016). No flux is counted twice:
-the field's mean and clustering are those of the faint sources alone.
+`FLUX_FAINT` and `FLUX_REMOVED` are injected one by one; brighter ones count as removed. Counts are
+those of Battye et al. (2013) at 1.4 GHz, used as in Olivari et al. (2016). No flux is counted twice:
+the field's mean and clustering are those of the faint sources only.
 """
 
 import numpy as np
@@ -52,12 +52,12 @@ def flux_to_temperature():
 
 
 def mean_temperature(flux_max):
-    """Mean brightness temperature at 1.4 GHz of the sources below `flux_max` Jy, mK."""
+    """Mean brightness temperature at 1.4 GHz of sources below `flux_max` Jy, mK."""
     return flux_to_temperature() * _moment(1, _FLUX_MIN, flux_max)
 
 
 def number_density(flux_min, flux_max):
-    """Sources per sr with fluxes between two limits in Jy."""
+    """Number of sources per sr with fluxes between two limits in Jy."""
     return _moment(0, flux_min, flux_max)
 
 
@@ -73,14 +73,14 @@ def clustering_spectrum(lmax, temperature):
 
 
 def point_sources(nside, rng):
-    """The extragalactic sources as a `PowerLaw` with an index that varies from pixel to pixel.
+    """The extragalactic sources as a `PowerLaw` with a spectral index that varies between pixels.
 
     Parameters
     ----------
     nside
         Resolution of the maps.
     rng
-        numpy Generator; faint field, injected sources and index have a child stream each.
+        numpy Generator; faint field, injected sources and index each have a child stream.
 
     Returns
     -------
@@ -98,10 +98,10 @@ def point_sources(nside, rng):
 
 
 def _faint_field(nside, rng):
-    """Mean plus Gaussian clustering and Poisson fluctuations, mK; fluctuations below zero cannot occur.
+    """Mean plus Gaussian clustering and Poisson fluctuations, mK; clipped at zero.
 
-    The rms grows with nside, from 3 mK at 32 to 10 at 256 and 16 at 512, around a mean of 84 mK: clipping at
-    zero acts on single pixels at nside 512, and on more of finer maps.
+    The rms grows with nside, from 3 mK at 32 to 10 at 256 and 16 at 512, around a mean of 84 mK: at nside 512
+    single pixels are clipped at zero, on finer maps more.
     """
     lmax = 3 * nside - 1
     mean = mean_temperature(FLUX_FAINT)
@@ -113,8 +113,8 @@ def _faint_field(nside, rng):
 def _injected(n_pix, rng):
     """Sources of `FLUX_FAINT` to `FLUX_REMOVED` at random positions, mK; those in one pixel add up."""
     n_sources = rng.poisson(4 * np.pi * number_density(FLUX_FAINT, FLUX_REMOVED))
-    pixels = rng.integers(n_pix, size=n_sources)  # pixels have equal area
-    # Fluxes in Jy are drawn from the counts by inverting their cumulative.
+    pixels = rng.integers(n_pix, size=n_sources)  # all pixels have equal area
+    # Fluxes in Jy are drawn from the counts by inverting their cumulative distribution.
     log_flux = np.linspace(np.log(FLUX_FAINT), np.log(FLUX_REMOVED), 20_001)
     density = np.exp(log_flux) * source_counts(np.exp(log_flux))
     cumulative = cumulative_trapezoid(density, initial=0)

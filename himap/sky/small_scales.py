@@ -1,8 +1,8 @@
-"""Templates at a finer resolution: harmonic upgrade and statistical small scales (paper, Sects. 2.1.2-2.1.3).
+"""Templates at finer resolution: harmonic upgrade and statistical small scales (paper, Sects. 2.1.2-2.1.3).
 
-Everything happens on the logarithm of the temperature, so the result is positive by construction. A
-map nearly keeps its pixels: averaged back to its resolution it is unchanged but for those that are faint,
-which are raised (`refine`).
+All steps use the logarithm of the temperature, so the result is positive by construction. A map nearly
+preserves its pixels: averaged to its original resolution it is unchanged, except for faint pixels, which
+are raised (`refine`).
 """
 
 from dataclasses import replace
@@ -16,17 +16,17 @@ SLOPE = -2.703
 EXPONENT = 0.782
 """Small-scale rms grows as the intensity to this power (Remazeilles et al. 2015)."""
 
-_FAINT = 0.1  # of the surroundings' mean: the least that an upgrade resolves
-_RINGING = 2.0  # of log I: how far an upgraded pixel may be from the one it lies in
+_FAINT = 0.1  # of the mean of the surroundings: the faintest pixels that an upgrade resolves
+_RINGING = 2.0  # in log I: largest difference of an upgraded pixel from its original pixel
 _AROUND = 4  # the surroundings are pixels of nside / 4
-_N_CORRECTIONS = 12  # then real free-free keeps its pixels within 2 % (median), 408 MHz within 0.2 %
+_N_CORRECTIONS = 12  # enough to preserve pixels of free-free to 2 % (median) and of 408 MHz to 0.2 %
 
 
 def refine_template(template, nside, rng, *, small_scales=True):
-    """A `PowerLaw` at another nside, its amplitude by `refine`.
+    """A `PowerLaw` at another nside, with its amplitude from `refine`.
 
-    An index map is averaged over pixels downwards, and interpolated in harmonic space upwards, within its
-    limits.
+    An index map is averaged over pixels to lower nside, and interpolated in harmonic space to higher nside,
+    within its limits.
     """
     index = template.index
     if np.ndim(index) and nside <= sphere.nside_of(index):
@@ -40,21 +40,21 @@ def refine_template(template, nside, rng, *, small_scales=True):
 def refine(amplitude, nside, rng, *, small_scales=True):
     """An intensity map at another nside.
 
-    Downwards: pixel means. Upwards: the logarithm is upgraded in harmonic space up to l = 2 nside of the
-    template, `small_scales` adds structure beyond (see `add_structure`), and a few smooth corrections
-    bring the means over the template's pixels back to the template. Pixels below a tenth of the mean of
-    their surroundings, which are the noise of a template, are raised to it before an upgrade.
+    To lower nside: pixel means. To higher nside: the logarithm is upgraded in harmonic space up to l = 2
+    nside of the template, `small_scales` adds structure beyond (see `add_structure`), and a few smooth
+    corrections restore the means over the template's pixels. Pixels below a tenth of the mean of their
+    surroundings, which are noise of the template, are raised to that value before an upgrade.
 
     Parameters
     ----------
     amplitude
         Positive intensities in any unit, RING, shape (n_pix,).
     nside
-        The resolution asked for.
+        Resolution of the result.
     rng
         numpy Generator, used only for small scales.
     small_scales
-        Whether an upgrade adds structure that the template cannot have.
+        Whether an upgrade adds structure that the template cannot resolve.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def refine(amplitude, nside, rng, *, small_scales=True):
 
 
 def raise_faint(amplitude):
-    """The map with pixels below a tenth of the mean of their surroundings raised to that."""
+    """The map with pixels below a tenth of the mean of their surroundings raised to that value."""
     return np.maximum(amplitude, _FAINT * _surroundings(amplitude))
 
 
@@ -92,14 +92,14 @@ def _surroundings(amplitude):
 
 
 def add_structure(amplitude, nside, rng):
-    """Log of a factor of mean 1 with structure that `amplitude` cannot hold, (12 nside^2,).
+    """Log of a factor of mean 1 with structure that `amplitude` cannot resolve, (12 nside^2,).
 
-    exp(w g - w^2 var(g) / 2), with g a Gaussian field of C_l = A l^SLOPE that sets in where the template
-    ends, at l = 2 nside_template, and w = (I / I_0)^(EXPONENT - 1) of unit rms, from I averaged over a
-    few pixels: the rms grows as I^EXPONENT (Miville-Deschenes et al. 2007; Remazeilles et al. 2015).
+    exp(w g - w^2 var(g) / 2), with g a Gaussian field of C_l = A l^SLOPE that begins where the template ends,
+    at l = 2 nside_template, and w = (I / I_0)^(EXPONENT - 1) of unit rms, from I averaged over a few
+    pixels: the rms grows as I^EXPONENT (Miville-Deschenes et al. 2007; Remazeilles et al. 2015).
 
     A is fitted to the spectrum of log I between l = nside_template / 2 and nside_template. The spectrum
-    of I itself is that of a few bright sources in the plane: continued over the sky it would add some
+    of I itself is dominated by a few bright sources in the plane: continued over the sky it would add about
     30 % at high latitudes, where Remazeilles et al. (0.0599 I^0.782, I in K) add 3.5 %.
     """
     template_nside = sphere.nside_of(amplitude)

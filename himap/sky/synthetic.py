@@ -1,11 +1,11 @@
-"""A Galaxy made on the spot: a few discs seen from inside, four loops, and lognormal structure.
+"""A synthetic Galaxy: a few discs seen from inside, four loops, and lognormal structure.
 
 It has the statistics of the real sky, not its features: medians and 99 % points per band of latitude,
-C_l, and the index of the synchrotron emission were fitted to those of the 408 MHz map of Remazeilles
-et al. (2015), of Planck's free-free map at 30 GHz and of the index map of Miville-Deschenes et al.
-(2008). Only the Galactic plane, the inner Galaxy and the radio loops are where they are in truth.
+C_l, and the index of synchrotron emission were fitted to the 408 MHz map of Remazeilles et al. (2015),
+Planck's free-free map at 30 GHz and the index map of Miville-Deschenes et al. (2008). Only the
+Galactic plane, the inner Galaxy and the radio loops are at their true positions.
 
-Structure is drawn degree by degree, so that one seed is one sky, seen at any resolution.
+Structure is drawn multipole by multipole, so one seed gives the same sky at any resolution.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ FREE_FREE_INDEX = -2.14
 """Spectral index of free-free emission (paper, Sect. 2.1.3)."""
 
 NSIDE_CALIBRATED = 64
-"""Resolution of the fit: coarser maps are means of maps made here, finer ones keep their mean."""
+"""Resolution of the fit: coarser maps are averages of maps at this nside, finer maps have the same mean."""
 
 _FREQ_SYNCHROTRON, _FREQ_FREE_FREE = 408.0, 30_000.0  # MHz
 _SUN = 8.2  # kpc from the Galactic centre (GRAVITY collaboration 2019)
@@ -47,12 +47,12 @@ _LOOP_WIDTH = 4.0  # deg
 def synthetic_galaxy(nside, rng):
     """Synchrotron at 408 MHz and free-free at 30 GHz, as two `PowerLaw`, mK, RING, Galactic.
 
-    T_sync = halo + T_iso e^(s1 g) + thick disc e^(s2 g) + loops e^(s3 g) + thin disc e^h, and
-    T_ff = disc e^(s(b) g'). g is a Gaussian field of the synchrotron, h of the plane, and g' turns into h
-    near the plane, so the two share their structure there. Typical values over seeds are within 15 % of
-    the real sky in the medians of six bands of latitude, 30 % in their 99 % points, a factor 1.2 in C_l
-    up to l = 100. One of twelve seeds was off by as much as 40 %, a factor 2 and a factor 9: C_l depends
-    on a few bright structures in the plane. Streams are children of `rng`: one for h, one for each component.
+    T_sync = halo + T_iso e^(s1 g) + thick disc e^(s2 g) + loops e^(s3 g) + thin disc e^h, and T_ff = disc
+    e^(s(b) g'). g is a Gaussian field for synchrotron, h for the plane, and g' approaches h near the plane,
+    where both therefore share their structure. Typical values over seeds agree with the real sky to 15 % in
+    the medians of six bands of latitude, 30 % in their 99 % points, and a factor 1.2 in C_l up to l = 100.
+    One of twelve seeds was off by as much as 40 %, a factor 2 and a factor 9: C_l depends on a few bright
+    structures in the plane. Streams are children of `rng`: one for h, one for each component.
     """
     fine = max(nside, NSIDE_CALIBRATED)
     shared, synchrotron, free_free = rng.spawn(3)
@@ -62,7 +62,7 @@ def synthetic_galaxy(nside, rng):
     gas, sine = _Field.draw(_free_free_spectrum, fine, free_free), np.abs(vectors[:, 2])
     share = np.exp(-sine / 0.1)
     mix = _Field(share * plane.values + np.sqrt(1 - share**2) * gas.values, gas.variance_added)
-    cavity = np.exp(-2.9 * sine**1.23)  # the Sun sits in a bubble of little gas
+    cavity = np.exp(-2.9 * sine**1.23)  # the Sun is in a bubble with little gas
     ionised = mix.lognormal(1.41 - 0.48 * np.exp(-((sine / 0.25) ** 2)))
     ionised *= _disc_brightness(vectors, *_IONISED_DISC) * cavity
     components = (
@@ -111,7 +111,7 @@ def _disc_brightness(vectors, amplitude, length, height):
 
 
 def _loops(vectors):
-    """The radio loops, mK: shells, bright at the rim on the side of the plane that they are known from."""
+    """The radio loops, mK: shells, bright at the rim on the side of the plane where they are observed."""
     total = np.zeros(len(vectors))
     for lon, lat, radius, brightness in _LOOPS:
         side = 1 / (1 + np.exp(-np.sign(lat) * np.degrees(np.arcsin(vectors[:, 2])) / 10))
@@ -142,12 +142,12 @@ class _Field:
         return cls(values, variance[3 * NSIDE_CALIBRATED :].sum() / calibrated)
 
     def lognormal(self, width):
-        """exp(width g), of median 1 and the mean that it has at `NSIDE_CALIBRATED`, whatever the nside."""
+        """exp(width g), with median 1 and its mean at `NSIDE_CALIBRATED`, for any nside."""
         return np.exp(width * self.values - 0.5 * width**2 * self.variance_added)
 
 
 def _gaussian_alm(cl, rng):
-    """Realisation of `cl` whose coefficients up to any l do not depend on where it ends."""
+    """Realisation of `cl` whose coefficients at any l do not depend on its last l."""
     lmax = len(cl) - 1
     degree = sphere.alm_degree(lmax)
     order = np.repeat(np.arange(lmax + 1), np.arange(lmax + 1, 0, -1))

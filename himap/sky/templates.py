@@ -1,4 +1,4 @@
-"""Templates of the Galaxy: from FITS files of a folder, and from PySM 3, the source of the paper."""
+"""Templates of the Galaxy: from FITS files in a folder, and from PySM 3, as in the paper."""
 
 import hashlib
 import logging
@@ -28,13 +28,13 @@ from himap.sky.emission import PowerLaw
 from himap.sky.synthetic import FREE_FREE_INDEX
 
 _FITS = re.compile(r"\.fits(\.gz)?$", re.IGNORECASE)
-_KINDS = {  # {kind: (label, pattern of names)}; what fits the first is no other
+_KINDS = {  # {kind: (label, pattern of names)}; a name counts only for the first pattern that it matches
     "index": ("synchrotron index", "synchrotron.*(beta|index)"),
     "synchrotron": ("synchrotron intensity", "synchrotron"),
     "free-free": ("free-free intensity", "free[ _-]?free"),
 }
 _INDEX_LIMITS = (-5.0, 0.0)
-_NOT_POSITIVE = 0.01  # share of the pixels that may be zero or negative
+_NOT_POSITIVE = 0.01  # largest share of pixels that may be zero or negative
 
 PYSM_NSIDE = 512
 """Resolution of PySM's maps of s1 and f1."""
@@ -49,16 +49,16 @@ EXPECTED_FILES = (
 
 
 def read_templates(folder):
-    """Synchrotron and free-free templates of a folder, a list of two `PowerLaw`.
+    """Read the synchrotron and free-free templates in a folder, a list of two `PowerLaw`.
 
     Each map may have any nside and either ordering. Intensities are in K, mK or uK (Rayleigh-Jeans).
 
     Raises
     ------
     InputError
-        A file is missing, ambiguous or unreadable; a map is partial, has bad pixels, an unknown unit,
-        another frame than the Galactic one, more than 1 % of intensities that are not positive, or an
-        index outside -5..0; a header contradicts the frequency in the name of its file.
+        If a file is missing, ambiguous or unreadable; a map is partial, has bad pixels, an unknown unit, a
+        frame other than Galactic, more than 1 % of intensities that are not positive, or an index outside
+        -5..0; or a header contradicts the frequency in the name of its file.
     """
     files = find_templates(folder)
     index, _ = _read_map(files["index"])
@@ -120,7 +120,7 @@ def find_templates(folder):
 
 
 def _read_map(path):
-    """First map of a file, RING, Galactic, float64, without holes, and the `HealpixFile`."""
+    """First map of a file, RING, Galactic, float64, without missing pixels, and the `HealpixFile`."""
     file = read_maps(path, n_maps=1)
     if file.nested is None:
         raise InputError(
@@ -150,7 +150,7 @@ def _positive(pixels, label):
     Raises
     ------
     InputError
-        More than 1 % of the pixels are zero or negative, or some are not finite.
+        If more than 1 % of the pixels are zero or negative, or some are not finite.
     """
     bad = ~(pixels > 0)
     n_bad = np.count_nonzero(bad)
@@ -176,7 +176,7 @@ def pysm_version():
     Raises
     ------
     InputError
-        It is not installed.
+        If it is not installed.
     """
     try:
         return version("pysm3")
@@ -185,21 +185,21 @@ def pysm_version():
 
 
 def pysm_templates(nside):
-    """Synchrotron and free-free emission as PySM has them, a list of two `PowerLaw`.
+    """Synchrotron and free-free emission of PySM, a list of two `PowerLaw`.
 
-    At `nside`, averaged over pixels by PySM (healpy's ud_grade), or at PySM's own where that is coarser.
+    At `nside`, averaged over pixels by PySM (healpy's ud_grade), or at PySM's own nside if that is coarser.
 
     Raises
     ------
     InputError
-        pysm3 is not installed, or cannot download its maps, which it does on first use.
+        If pysm3 is not installed, or cannot download its maps, as it does on first use.
     """
     try:
         import pysm3  # slow to import, and only this source needs it
     except ImportError as error:
         raise InputError(_no_pysm("cannot be imported")) from error
     log = logging.getLogger("pysm3")
-    was_disabled, log.disabled = log.disabled, True  # it blames its version for a missing network
+    was_disabled, log.disabled = log.disabled, True  # its log blames the version if the network is missing
     try:
         sky = pysm3.Sky(nside=min(nside, PYSM_NSIDE), preset_strings=list(_MODELS))
     except OSError as error:  # urllib's errors and timeouts are OSErrors
@@ -230,25 +230,25 @@ def _no_pysm(reason):
 def write_templates(folder, nside):
     """Write PySM's Galaxy as the three files that `read_templates` reads.
 
-    Synchrotron and free-free emission in K (Rayleigh-Jeans) at their reference frequencies, which the names
-    state, and the index of synchrotron emission: RING, Galactic, float32. All of them or none.
+    Synchrotron and free-free emission in K (Rayleigh-Jeans) at their reference frequencies, stated in the
+    names, and the index of synchrotron emission: RING, Galactic, float32. Writes all files or none.
 
     Parameters
     ----------
     folder
         A new folder, or an empty one.
     nside
-        A power of two from 4 to 512, which is PySM's own.
+        A power of two from 4 to 512, the nside of PySM.
 
     Returns
     -------
     list
-        The paths that were written.
+        Paths of the written files.
 
     Raises
     ------
     InputError
-        An nside that cannot be, a folder that holds something or cannot be written, or as `pysm_templates`.
+        If nside is invalid, or the folder is not empty or not writable; or see `pysm_templates`.
     """
     nside = power_of_two("nside", nside, 4, PYSM_NSIDE)
     folder = Path(os.path.expanduser(folder))
