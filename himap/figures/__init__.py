@@ -1,1 +1,1 @@
-"""How anything is shown: figures, their numbers, tables."""
+"""Presentation of results: figures, their numbers, tables."""

@@ -1,8 +1,8 @@
 """Settings, axes, ticks and labels that all figures share.
 
-The axis of ratios is even near 1, so that 5 % can be seen, and logarithmic far from it: a ratio r is drawn at
-asinh(ln(r) / w), w = `NEAR`. That is r - 1 where it is nearer to 1 than w, and the logarithm of the logarithm
-beyond, so that a factor of ten million still is on the axis. A ratio and its inverse are as far from 1.
+The axis of ratios is linear near 1, so that 5 % is visible, and logarithmic far from it: a ratio r is drawn
+at asinh(ln(r) / w), w = `NEAR`. This is linear in r - 1 where that is smaller than w, and the logarithm of
+the logarithm beyond, so a factor of ten million still fits. A ratio and its inverse are equally far from 1.
 """
 
 import functools
@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.ticker import NullLocator
 
 NEAR = 0.1
-"""Distance from 1, relative, within which the axis of ratios is even."""
+"""Relative distance from 1 within which the axis of ratios is linear."""
 
 PICTURES = {"figure.dpi": 110, "font.size": 10, "figure.constrained_layout.use": True}
-"""Settings of matplotlib for pictures."""
+"""Matplotlib settings for pictures."""
 
 CURVES = PICTURES | {
     "figure.dpi": 150,
@@ -25,18 +25,18 @@ CURVES = PICTURES | {
     "axes.spines.right": False,
     "legend.frameon": False,
 }
-"""Settings for curves."""
+"""Matplotlib settings for curves."""
 
-_GAP = 0.075  # of labels at the ends of curves, of the height of the axes
-_LEAST = 1e-4  # smaller ratios are drawn there
+_GAP = 0.075  # between labels at the ends of curves, in units of the height of the axes
+_LEAST = 1e-4  # smaller ratios are drawn at this value
 _RATIOS = (1, 10, 0.1, 1.1, 0.9, 1.2, 0.8, 2, 0.5, 100, 0.01, 1e4, 1e6, 1.5, 1e3, 0.3, 5, 1e8, 0.95, 1.05)
 _DECADE = (1, 2, 5, 3, 7, 1.5, 1.2, 8, 1.1, 9, 4, 6)  # the best first
 
 
 def drawn(settings):
-    """Decorator of functions that draw a figure: with these settings, and then out of pyplot's hands.
+    """Decorate functions that draw a figure: use these settings, then close the figure in pyplot.
 
-    So a notebook shows it once, where it is returned.
+    So a notebook shows it once, when it is returned.
     """
 
     def decorate(function):
@@ -53,7 +53,7 @@ def drawn(settings):
 
 
 def subplots(n, columns, size, *, room=0, **options):
-    """A figure with `n` panels of this size, inches, in so many columns, and `room` above; and their axes."""
+    """A figure with `n` panels of this size, inches, in `columns`, with `room` above; and their axes."""
     rows = -(-n // columns)
     figsize = (size[0] * columns, room + size[1] * rows)
     figure, grid = plt.subplots(rows, columns, figsize=figsize, squeeze=False, **options)
@@ -63,17 +63,17 @@ def subplots(n, columns, size, *, room=0, **options):
 
 
 def forward(ratio):
-    """Places of ratios on their axis."""
+    """Positions of ratios on their axis."""
     return np.arcsinh(np.log(np.maximum(ratio, _LEAST)) / NEAR)
 
 
 def backward(place):
-    """Ratios at some places of their axis."""
+    """Ratios at positions on their axis."""
     return np.exp(NEAR * np.sinh(place))
 
 
 def ratio_limits(ratios, least=0.2):
-    """(low, high) of an axis that shows all `ratios`, and 1 by this much on either side."""
+    """Limits (low, high) of an axis that shows all `ratios`, and `least` on either side of 1."""
     values = np.concatenate([[1.0], *map(np.ravel, ratios)])
     values = values[np.isfinite(values)]
     low, high = forward(np.min(values)), forward(np.max(values))
@@ -91,17 +91,17 @@ def set_ratio_axis(axes, limits):
 
 
 def ratio_ticks(low, high):
-    """Ratios to write at an axis from `low` to `high`, as many as find room, ascending."""
+    """Ratios to label on an axis from `low` to `high`, as many as fit, ascending."""
     return _apart(_RATIOS, low, high, forward, 0.06)
 
 
 def decade_ticks(low, high):
-    """Numbers to write at a logarithmic axis, powers of ten first, as many as find room, ascending."""
+    """Numbers to label on a logarithmic axis, powers of ten first, as many as fit, ascending."""
     return _apart(np.multiply.outer(_DECADE, _decades(low, high)).ravel(), low, high, np.log, 0.17)
 
 
 def _apart(wanted, low, high, scale, share):
-    """Those of `wanted`, the best first, that are a share of the axis apart from each other."""
+    """Those of `wanted`, in order of priority, that are separated by a share of the axis."""
     kept, room = [], share * (scale(high) - scale(low))
     for tick in wanted:
         if low <= tick <= high and all(abs(scale(tick) - scale(other)) >= room for other in kept):
@@ -114,7 +114,7 @@ def _decades(low, high):
 
 
 def set_plain_ticks(axis, low, high):
-    """Ticks at 1, 2, 5 of each decade, or 1, 3 over more than a hundredfold, as plain numbers."""
+    """Ticks at 1, 2, 5 of each decade, or 1, 3 over more than a factor of 100, as plain numbers."""
     ticks = np.multiply.outer(_decades(low, high), (1, 2, 5) if high < 200 * low else (1, 3)).ravel()
     axis.set_ticks(ticks[(ticks >= low) & (ticks <= high)], minor=False)
     axis.set_major_formatter("{x:g}")
@@ -136,8 +136,8 @@ def legend_above_all(figure):
 def label_ends(axes):
     """Write the label of every line of `axes` at its right end, instead of a legend.
 
-    Labels that would lie on each other move apart, and a thin line leads from each to its curve. A "_" before
-    a label is not written.
+    Labels that would overlap are moved apart, with a thin line from each to its curve. Lines with a label
+    that starts with "_" have none.
     """
     lines = sorted(axes.get_lines(), key=lambda line: line.get_ydata()[-1])
     to_axes = axes.transData + axes.transAxes.inverted()

@@ -1,7 +1,7 @@
-"""The numbers behind a figure: a notebook keeps them with the picture, the book offers them for download.
+"""The numbers behind a figure: notebooks store them with the picture, the book offers them for download.
 
-Curves are kept as CSV. Maps and other images are kept as NPZ (numpy's ``np.load`` opens it), in base64: at
-most `NSIDE` for maps, rounded to four digits, so that a notebook stays small enough to be committed.
+Curves are stored as CSV. Maps and other images are stored as NPZ (numpy's ``np.load`` opens it), in base64:
+maps up to `NSIDE`, rounded to four digits, so that a notebook is small enough to commit.
 """
 
 import base64
@@ -15,16 +15,16 @@ from himap.maps import sphere
 _CURVES, _ARRAYS = "text/csv", "application/x-npz"
 
 DATA_TYPES = {_CURVES: "csv", _ARRAYS: "npz"}
-"""{kind of output under which a notebook keeps the numbers of a figure: ending of a file of them}."""
+"""{type of output in which a notebook stores the numbers of a figure: extension of their file}."""
 
 NSIDE = 32
-"""Largest nside at which the maps of a figure are kept; finer ones are averaged over its pixels."""
+"""Largest nside of stored maps of a figure; finer maps are averaged over its pixels."""
 
 _BITS = 13  # of the mantissa: 1.2e-4 of the value at most
 
 
 def with_curves(figure, curves):
-    """The figure, changed in place, with the numbers of [(panel, label, x, y)], texts and arrays (n,)."""
+    """Add the numbers of [(panel, label, x, y)], texts and arrays (n,), to a figure in place; return it."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("panel", "curve", "x", "y"))
@@ -34,10 +34,10 @@ def with_curves(figure, curves):
 
 
 def panel_names(panels):
-    """What the panels of a figure are called in its file, so that each differs from the others.
+    """Names of the panels of a figure in its file, all different.
 
-    That is the title; where it is empty or that of another panel too, with the labels of the axes and at last
-    with a number. `panels` are dicts, as of `himap.figures.plotting.lines`, whose values have a text.
+    The title; if it is empty or not unique, followed by the labels of the axes, and finally by a number.
+    `panels` are dicts, as in `himap.figures.plotting.lines`, whose values are converted to text.
 
     >>> panel_names([{"title": "a", "ylabel": "C"}, {"title": "a", "ylabel": "P"}, {"title": 7}, {}])
     ['a, C', 'a, P', '7', 'panel 4']
@@ -55,7 +55,7 @@ def panel_names(panels):
 
 
 def with_maps(figure, maps, units):
-    """The figure, changed in place, with its maps, at `NSIDE` or coarser, and the unit of each.
+    """Add maps, at `NSIDE` or coarser, and the unit of each to a figure in place; return it.
 
     The maps are {title: (n_pix,)}, RING; pixels without a value are NaN. The file holds ``maps``
     (n_maps, n_pix), ``titles``, ``units``, ``ordering`` and ``coordinates``.
@@ -63,7 +63,7 @@ def with_maps(figure, maps, units):
     kept = []
     for pixels in maps.values():
         pixels = np.asarray(pixels, dtype=np.float64)
-        if sphere.nside_of(pixels) > NSIDE:  # means of the pixels that have a value
+        if sphere.nside_of(pixels) > NSIDE:  # means over pixels with a value
             has_value = np.isfinite(pixels)
             share = sphere.change_resolution(has_value.astype(np.float64), NSIDE)
             mean = sphere.change_resolution(np.where(has_value, pixels, 0), NSIDE)
@@ -74,12 +74,12 @@ def with_maps(figure, maps, units):
 
 
 def with_image(figure, values, *, x, y, unit):
-    """The figure with an image (n_y, n_x) over `x` and `y`; all three are in the file under these names."""
+    """Add an image (n_y, n_x) over `x` and `y` to a figure; the file has all three under these names."""
     return _with_arrays(figure, values=values, x=x, y=y, unit=unit)
 
 
 def _with_arrays(figure, **arrays):
-    """The figure with an NPZ file in base64; real numbers as float32, rounded."""
+    """Add an NPZ file in base64 to the figure; real numbers become float32, rounded."""
     for name, array in arrays.items():
         array = np.asarray(array)
         if array.dtype.kind == "f":

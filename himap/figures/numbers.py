@@ -1,11 +1,11 @@
 """Numbers with a stated tolerance: how notebooks show them and how tests compare them.
 
-A notebook shows each of its numbers as ``value ± tolerance``. The tolerance says how far the number may move
-on another machine before somebody should look; it is not an error bar. In prose a number has none, and comes
-from the notebook all the same: see `quote`.
+A notebook shows each of its numbers as ``value ± tolerance``. The tolerance is how far the number may differ
+on another machine before somebody should check; it is not an error bar. Numbers in prose have no tolerance,
+but also come from the notebook: see `quote`.
 
-A number of one run of a chaotic method is marked by `one_run`. On another machine it is another number, so
-only its name, unit and form are compared.
+A number from one run of a chaotic method is marked by `one_run`. It differs on another machine, so only
+its name, unit and form are compared.
 """
 
 import math
@@ -18,18 +18,18 @@ import numpy as np
 from himap.core.errors import InputError
 from himap.figures.tables import Table
 
-_RECORD = "application/papermill.record/"  # what MyST-NB's glue puts before a kind that is not to be seen
+_RECORD = "application/papermill.record/"  # prefix of MyST-NB's glue for hidden types of output
 
 QUOTED = (_RECORD + "text/plain", _RECORD + "text/x-tolerance")
-"""Kinds of output of a number for prose: the text, and where it has a tolerance the number with it."""
+"""Types of output of a number for prose: the text, and, if it has a tolerance, the number with it."""
 
 _SIGN = "†"
 
 NOT_COMPARED = f"{_SIGN} one run, not compared"
-"""The line under numbers of which some are marked by `one_run`; each of these ends with its first sign."""
+"""The line below numbers of which some are marked by `one_run`; these end with the first sign of the line."""
 
 OF_RESTARTS = f"{_SIGN} median (16–84 %) of restarts, not compared"
-"""The same where some are of `of_restarts`."""
+"""The same if some are marked by `of_restarts`."""
 
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -44,19 +44,19 @@ _FORMATTED = re.compile(rf"{_ROUNDED}(?:(?:,|{_JOINT}and|{_JOINT}of){_JOINT}{_RO
 class Marked(tuple):
     """An entry of `one_run` or `of_restarts`: (value, tolerance), (value, tolerance, unit) or (text, None).
 
-    With the `note` that explains its sign, and of several restarts the 16 and 84 %, its `ends`.
+    `note` is the text that explains its sign; for several restarts, `ends` are the 16 and 84 % values.
     """
 
     note, ends = NOT_COMPARED, None
 
 
 def one_run(entry):
-    """Mark a number, or all in a dictionary, as of one run of a chaotic method such as SDecGMCA.
+    """Mark a number, or all in a dictionary, as from one run of a chaotic method such as SDecGMCA.
 
-    An entry is as in `show`; a text, such as a verdict or a "–" where a run may have no such number; or a
-    dictionary of these. It is shown to the digits that its tolerance is sure of, with the sign that
-    `NOT_COMPARED` explains, and is still a tuple, so that code which takes the value out of an entry need not
-    know. See `agree` for what a test still compares.
+    An entry is as in `show`, or a text, such as a verdict or a "–" if a run may have no such number, or a
+    dictionary of these. It is shown to the digits that its tolerance allows, with the sign explained by
+    `NOT_COMPARED`. It is still a tuple, so code that takes the value from an entry need not change.
+    See `agree` for what tests still compare.
 
     >>> show(one_run({"C/C0": (0.9784, 0.01), "settled": "yes"}) | {"channels": 125})
     C/C0: 0.98†
@@ -68,10 +68,10 @@ def one_run(entry):
 
 
 def of_restarts(entries):
-    """Median and 16 to 84 % band of what several runs of a chaotic method have, marked as of `one_run`.
+    """Median and 16 to 84 % range over runs of a chaotic method, marked like `one_run`.
 
-    Entries are as in `show`, one for each run: numbers with a tolerance, in whose place is their median;
-    texts, which are counted; or dictionaries of these. Of a single run it is that of `one_run`.
+    Entries are as in `show`, one for each run: numbers with a tolerance, replaced by their median; texts,
+    which are counted; or dictionaries of these. For a single run the result is that of `one_run`.
 
     >>> runs = [{"C/C0": (value, 0.01), "settled": "no"} for value in (0.97, 0.98, 1.07)]
     >>> show(of_restarts(runs))
@@ -98,7 +98,7 @@ def of_restarts(entries):
 
 
 class _Numbers(Table):
-    """What `show` returns: a table in a notebook, one line for each number elsewhere."""
+    """Result of `show`: a table in a notebook, one line for each number elsewhere."""
 
     def __repr__(self):
         lines = [f"{name}: {number} {unit}".rstrip() for name, number, unit in self.rows]
@@ -106,11 +106,11 @@ class _Numbers(Table):
 
 
 def show(numbers):
-    """A table of numbers with their tolerance, to end a notebook cell with.
+    """A table of numbers with their tolerance, for the end of a notebook cell.
 
-    They are {name: (value, tolerance)} or {name: (value, tolerance, unit)}, tolerance > 0 in the unit of the
-    value; {name: value} for what must come out the same everywhere, such as a count; or what `one_run` makes
-    of these. InputError for anything else.
+    Entries are {name: (value, tolerance)} or {name: (value, tolerance, unit)}, tolerance > 0 in the unit of
+    the value; {name: value} for values that must be equal everywhere, such as a count; or results of
+    `one_run`. InputError for anything else.
 
     >>> show({"C/C0, 10 < l < 128": (0.98712, 0.01), "noise": (0.0331, 0.0002, "mK"), "channels": 125})
     C/C0, 10 < l < 128: 0.987 ± 0.010
@@ -122,7 +122,7 @@ def show(numbers):
 
 
 class _Parts:
-    """Tables below each other, of one output."""
+    """Several tables, one below the other, as one output."""
 
     def __init__(self, tables):
         self.tables = tables
@@ -135,16 +135,16 @@ class _Parts:
 
 
 def show_table(rows, *, head="", columns=None):
-    """A table with a column for each quantity, to end a notebook cell with.
+    """A table with a column for each quantity, for the end of a notebook cell.
 
     Parameters
     ----------
     rows
-        {name: {column: entry}}, entries as in `show`. A row may lack columns.
+        {name: {column: entry}}, entries as in `show`. Rows may lack columns.
     head
-        Above the names.
+        Header of the names.
     columns
-        How many columns fit the page; what has more becomes tables below each other. None for one table.
+        Number of columns that fit on the page; wider tables are split. None for one table.
     """
     names = list(dict.fromkeys(name for entries in rows.values() for name in entries))
     step = columns or len(names) or 1
@@ -160,21 +160,21 @@ def show_table(rows, *, head="", columns=None):
 
 
 def quote(**numbers):
-    """Keep numbers for the prose of the notebook and of other pages; the cell shows nothing of them.
+    """Store numbers for the prose of the notebook and of other pages; the cell does not show them.
 
-    Prose says ``{glue:text}`name``` in the same notebook, and on other pages, with a path relative to them,
-    ``{glue:text}`../notebooks/04_pca.ipynb::name:s```. It reads the value alone, to the digits that the
-    tolerance is sure of, with its unit. Names begin with the topic of the notebook, unique in the book.
+    Prose uses ``{glue:text}`name``` in the same notebook, and on other pages, with a relative path,
+    ``{glue:text}`../notebooks/04_pca.ipynb::name:s```. It shows the value only, to the digits that the
+    tolerance allows, with its unit. Names begin with the topic of the notebook and are unique in the book.
 
-    Entries, and what is refused, are as in `show`.
+    Entries and errors are as in `show`.
     """
-    from IPython import get_ipython  # slow, and most callers of this module do without
+    from IPython import get_ipython  # slow, and most callers of this module do not need it
 
     text, with_tolerance = QUOTED
     cells = {name: " ".join(_cell(name, entry)).rstrip() for name, entry in numbers.items()}
-    if (shell := get_ipython()) is not None:  # elsewhere there is nobody to keep them
+    if (shell := get_ipython()) is not None:  # outside of IPython nothing stores them
         for name, entry in numbers.items():
-            # The text is that of a string, as MyST-NB evaluates what it pastes.
+            # The repr of the text, as MyST-NB evaluates what it pastes.
             bundle = {text: repr(quoted(entry))}
             bundle |= {with_tolerance: cells[name]} if isinstance(entry, tuple) else {}
             kept = {"scrapbook": {"name": name, "mime_prefix": _RECORD}}
@@ -182,7 +182,7 @@ def quote(**numbers):
 
 
 def quoted(entry):
-    """The text that prose reads of an entry of `quote`.
+    """The text shown in prose for an entry of `quote`.
 
     >>> quoted((0.9573, 0.005)), quoted((12345, 100, "K")), quoted((1.814e8, 2e7)), quoted(27)
     ('0.957', '12,300\N{NO-BREAK SPACE}K', '1.8 × 10⁸', '27')
@@ -192,17 +192,17 @@ def quoted(entry):
 
 
 def agree(text, reference):
-    """Whether two texts are the same but for numbers within the tolerance stated behind them.
+    """Whether two texts are equal, except for differences of numbers within their stated tolerance.
 
-    Where both say ``value ± tolerance`` the values may differ by the tolerance of the reference. A tolerance
-    that is a share of its value moves with it, and may itself differ by a tenth.
+    If both have ``value ± tolerance``, values may differ by the tolerance of the reference. A tolerance that
+    is a fraction of its value changes with it, and may itself differ by a tenth.
 
-    What `one_run` marked is compared in form only: in the same place both have numbers (one, with a band as
-    in "0.98 (0.97–1.04)" or without, several as in "4 and 5", "1 of 4" and "906, 1394", or a "–", which says
-    that this run has none), or both have a text; how many spaces align them is of no account. NaN and
-    infinity are no numbers here: each agrees with itself alone.
+    Entries marked by `one_run` are compared in form only: at the same position both have numbers (one, with a
+    range as in "0.98 (0.97–1.04)" or without, several as in "4 and 5", "1 of 4" and "906, 1394", or a "–" for
+    no number in this run), or both have a text; the number of spaces that align them is ignored. NaN and
+    infinity are no numbers here: each is equal only to itself.
 
-    All the rest, numbers without a tolerance included, must be equal.
+    Everything else, including numbers without a tolerance, must be equal.
     """
     text, reference = _by_form(text), _by_form(reference)
     if _WITH_TOLERANCE.sub("±", text) != _WITH_TOLERANCE.sub("±", reference):
@@ -216,7 +216,7 @@ def agree(text, reference):
 
 
 def _by_form(text):
-    """A text with what `one_run` marked replaced by its form."""
+    """Replace what `one_run` marked by its form."""
 
     def form(marked):
         if marked[1] in ("nan", "inf", "-inf"):
@@ -232,15 +232,15 @@ def _note(entries):
 
 
 def _cell(name, entry):
-    """The number with its tolerance, and the unit, of an entry."""
+    """The number with its tolerance, and the unit, of an entry, as texts."""
     number, tolerance, unit = _parsed(name, entry)
     if isinstance(entry, Marked):
-        return f"{number.replace(' ', _JOINT)}{_SIGN}", unit  # `agree` sees where it begins
+        return f"{number.replace(' ', _JOINT)}{_SIGN}", unit  # so that `agree` sees where it begins
     return number if tolerance is None else _with_tolerance(float(entry[0]), tolerance), unit
 
 
 def _parsed(name, entry):
-    """(number to the digits that its tolerance is sure of, tolerance or None, unit) of an entry."""
+    """Return (number to the digits that its tolerance allows, tolerance or None, unit) of an entry."""
     if not isinstance(entry, tuple):
         return str(entry), None, ""
     if isinstance(entry, Marked) and entry[1:] == (None,):
@@ -256,7 +256,7 @@ def _parsed(name, entry):
         raise InputError(f"{name}: the tolerance must be a number above 0, got {tolerance}.")
     number = _rounded(value, tolerance)
     if getattr(entry, "ends", None) and math.isfinite(value):
-        # To as many digits as the median, and no fewer than two.
+        # To as many digits as the median, and at least two.
         size = max(abs(value), 10 * tolerance)
         low, high = (_rounded(end, tolerance * max(1, abs(end) / size)) for end in entry.ends)
         number += f" ({low}{' to ' if low[0] == '-' or high[0] == '-' else '–'}{high})"
@@ -264,11 +264,11 @@ def _parsed(name, entry):
 
 
 def _rounded(value, tolerance):
-    """`value` to the first digit of the tolerance; powers of ten where it would have many zeros."""
+    """Round `value` to the first digit of the tolerance; use powers of ten instead of many zeros."""
     if not math.isfinite(value):
         return str(value)
     last = _exponent(tolerance)
-    value = round(value, -last) or 0.0  # no minus before a zero
+    value = round(value, -last) or 0.0  # no negative zero
     if not value or (last >= -5 and abs(value) < 1e7):
         decimals = min(max(-last, 0), 5)
         return f"{value:,.{decimals}f}" if abs(value) >= 1e4 else f"{value:.{decimals}f}"
@@ -277,9 +277,9 @@ def _rounded(value, tolerance):
 
 
 def _with_tolerance(value, tolerance):
-    """`value` to the second digit of the tolerance, which shows the tolerance itself to two digits.
+    """Round `value` to the second digit of the tolerance, which is also shown to two digits.
 
-    It has further digits where `_rounded` of these would not be that of the value.
+    More digits are shown if rounding these by `_rounded` would differ from rounding the value.
     """
     if not math.isfinite(value):
         return f"{value} ± {tolerance:.1e}"
@@ -296,5 +296,5 @@ def _with_tolerance(value, tolerance):
 
 
 def _exponent(value, decimals=1):
-    """Of ten, in `value` rounded to that many decimals of its mantissa."""
+    """Exponent of ten of `value` rounded to this number of decimals of its mantissa."""
     return int(f"{value:.{decimals}e}".partition("e")[2])

@@ -14,18 +14,18 @@ from himap.figures.data import with_curves, with_image
 from himap.figures.plotting import show_map
 
 _NAMES = {"RA": "RA", "DEC": "Dec", "GLON": "Galactic longitude", "GLAT": "Galactic latitude"}
-_BLANK = "0.85"  # grey of what has no value
+_BLANK = "0.85"  # grey for missing values
 _PERCENTILES = (2, 98)
 _CELL = (0.36, 0.2)  # width and height of a mark, inches
-_SIDES = (3.1, 2.1)  # of the names of rows and columns
+_SIDES = (3.1, 2.1)  # inches for the names of rows and columns
 
 
 @drawn(PICTURES)
 def sky_images(maps, celestial, *, span):
-    """A figure of images in their projection, with the lines of their coordinates.
+    """A figure of images in their projection, with grid lines of their coordinates.
 
-    The maps are {title: (n_y, n_x)}, mK, NaN where there is no value; `celestial` is the `astropy.wcs.WCS` of
-    the two axes, and the span of the colours {title: (low, high)}.
+    `maps` are {title: (n_y, n_x)}, mK, NaN where there is no value; `celestial` is the `astropy.wcs.WCS` of
+    the two axes, and `span` the range of the colours, {title: (low, high)}.
     """
     figure = plt.figure(figsize=(4.6 * len(maps), 4.4))
     for n, (title, pixels) in enumerate(maps.items(), start=1):
@@ -45,11 +45,11 @@ def sky_images(maps, celestial, *, span):
 
 @drawn(PICTURES)
 def power_planes(planes, *, x, y, xlabel, ylabel, unit, ratio=None):
-    """A figure of power over two wavenumbers on logarithmic axes, and of a ratio.
+    """A figure of power by two wavenumbers on logarithmic axes, and of a ratio.
 
-    The planes are {title: (n_y, n_x)}, above zero, in a `unit`, NaN where there is no value, all on one scale
-    of colours; `x` and `y` are the edges of the cells, one more than these. A ratio is (title, (n_y, n_x));
-    its colours go as far above 1 as below.
+    `planes` are {title: (n_y, n_x)}, positive, in `unit`, NaN where there is no value, all on one colour
+    scale; `x` and `y` are the edges of the cells, one more than cells. `ratio` is (title, (n_y, n_x)); its
+    colours extend as far above 1 as below.
     """
     values = np.concatenate([plane[plane > 0] for plane in planes.values()])
     low, high = np.percentile(values, _PERCENTILES) if len(values) else (1, 10)
@@ -58,7 +58,7 @@ def power_planes(planes, *, x, y, xlabel, ylabel, unit, ratio=None):
     if ratio is not None:
         distances = np.abs(np.log(ratio[1][ratio[1] > 0]))
         far = np.exp(np.percentile(distances, _PERCENTILES[1])) if len(distances) else 1
-        far = float(np.clip(far, 1.1, 100))  # nearly all of the ratio
+        far = float(np.clip(far, 1.1, 100))  # includes nearly all ratios
         drawings.append((*ratio, LogNorm(1 / far, far), "ratio"))
     size = (max(4.2, 3.4 * len(drawings)) / len(drawings), 3.9)
     figure, grid = subplots(len(drawings), len(drawings), size, sharey=True)
@@ -79,20 +79,20 @@ def power_planes(planes, *, x, y, xlabel, ylabel, unit, ratio=None):
 
 @drawn(PICTURES)
 def marks(groups, columns, looks, *, breaks=()):
-    """A figure of a table of signs, names of rows at the left and of columns above.
+    """A figure of a table of signs, with names of rows on the left and names of columns above.
 
-    It carries, for each row and column, the number of each mark in `looks`, from 0.
+    It contains, for each row and column, the number of each mark in `looks`, counted from 0.
 
     Parameters
     ----------
     groups
-        {name of a group: {row: [marks of a column, for each column]}}. Marks of a cell are a list, such as
-        one for each realisation: a cell whose marks are not all the same is divided; an empty one stays
+        {name of a group: {row: [marks of a column, for each column]}}. Marks of a cell are a list, for
+        example one for each realisation: a cell with different marks is divided; one without marks stays
         empty.
     looks
         {mark: (sign, colour, colour of the sign)}, in the order of the legend.
     breaks
-        Numbers of columns before which there is a line.
+        Indices of columns before which a line is drawn.
     """
     n_rows = sum(len(rows) + 1 for rows in groups.values())
     size = (_SIDES[0] + _CELL[0] * len(columns), _SIDES[1] + _CELL[1] * n_rows)

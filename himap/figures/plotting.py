@@ -1,6 +1,6 @@
-"""Figures of curves and of maps; every function returns its figure.
+"""Figures of curves and maps; every function returns its figure.
 
-Figures carry their numbers (`himap.figures.data`): a notebook that shows one keeps them with the picture.
+Figures include their numbers (`himap.figures.data`), so a notebook stores them with the picture.
 
 Colours and lines are those of `himap.figures.styles`; maps use cividis, which is monotonic in lightness.
 """
@@ -25,11 +25,11 @@ from himap.figures.styles import AXES
 from himap.maps import sphere
 
 _TRUTH = {"label": "HI + noise", "color": "black", "linestyle": "-", "linewidth": 1.8}
-_WIDTH = 9.2  # inches of a figure as wide as a page, where 10 points are as large as text
-_BAND = 0.1  # half width of the grey band of ratios around 1
-_BANDS = (16, 50, 84)  # percentiles that are drawn of an ensemble
-_PERCENTILES = (0, 5, 50, 95, 100)  # of a bundle of curves: what is kept of its numbers
-_N_ROWS = 160  # of the picture of a part of the sky
+_WIDTH = 9.2  # inches: full page width, at which 10 points match the text
+_BAND = 0.1  # half width of the grey band around a ratio of 1
+_BANDS = (16, 50, 84)  # percentiles drawn for an ensemble
+_PERCENTILES = (0, 5, 50, 95, 100)  # percentiles stored for a bundle of curves
+_N_ROWS = 160  # number of rows of a picture of a part of the sky
 
 
 def mollweide(n_columns=720):
@@ -44,8 +44,8 @@ def mollweide(n_columns=720):
 
 
 def _patch(box):
-    """As `mollweide`, of an image of a box, right ascension to the left, and how `Axes.imshow` draws it."""
-    from astropy.coordinates import SkyCoord  # slow, and most figures do without
+    """Like `mollweide`, for an image of a box, right ascension to the left; also options of `Axes.imshow`."""
+    from astropy.coordinates import SkyCoord  # slow, and most figures do not need it
 
     (left, right), (low, high) = box
     aspect = 1 / np.cos(np.deg2rad(np.mean(box[1])))  # a degree of declination over one of right ascension
@@ -63,16 +63,16 @@ def sky_maps(maps, *, box=None, columns=2, unit="mK", log=False, limits=None, sp
     Parameters
     ----------
     maps
-        Galactic, RING; NaN where there is nothing.
+        Galactic, RING; NaN where there is no value.
     box
-        The part that is shown: (lowest, highest) right ascension and (lowest, highest) declination, deg; the
-        former may be negative, or more than 360. None for the full sky, in Mollweide projection.
+        The part to show: (lowest, highest) right ascension and (lowest, highest) declination, deg; the former
+        may be negative, or more than 360. None for the full sky, in Mollweide projection.
     columns
-        Of maps.
+        Number of columns of maps.
     unit, log, limits, span, diverging
-        Each for all maps, or {title: its own}. Colours go from one percentile of the map to another,
-        `limits`, (1, 99) unless given, or over `span`, in the unit of the map; `log` for logarithmic colours,
-        `diverging` for those of errors: even about 0, which is white.
+        One value for all maps, or {title: value}. Colours range between two percentiles of the map, `limits`,
+        default (1, 99), or over `span`, in the unit of the map; `log` for logarithmic colours, `diverging`
+        for errors: linear about 0, which is white.
     """
     options = {"unit": unit, "log": log, "limits": limits, "span": span, "diverging": diverging}
     chosen = [
@@ -102,17 +102,17 @@ def _draw_sky(axes, pixels, title, view, *, unit, log, limits, span, diverging):
     image[inside] = pixels[sphere.pixel_at(sphere.nside_of(pixels), lon[inside], lat[inside])]
     low, high = np.nanpercentile(pixels, limits or (1, 99)) if span is None else span
     bar = show_map(axes, image, title, unit, (low, high), log=log, diverging=diverging, **frame)
-    bar.locator = MaxNLocator(4)  # more would run into each other
+    bar.locator = MaxNLocator(4)  # more would overlap
     if log:
-        if high >= 3 * low:  # two or more fall on the bar
+        if high >= 3 * low:  # two or more ticks are on the bar
             many = (1,) if high > 100 * low else (1, 2, 5) if high > 5 * low else range(1, 10)
             bar.locator = LogLocator(subs=many, numticks=6)
-        bar.formatter = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))  # labels all of them
+        bar.formatter = LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf))  # labels all ticks
     bar.minorticks_off()
 
 
 def show_map(axes, image, title, unit, span, *, log=False, diverging=False, pad=None, shrink=0.7, **options):
-    """Draw an image with colours over a `span`, its title and a colour bar below; returns the bar."""
+    """Draw an image with colours over a `span`, with a title and a colour bar below; return the bar."""
     far = max(map(abs, span))
     norm = LogNorm(*span) if log else Normalize(-far, far) if diverging else Normalize(*span)
     colours = "RdBu_r" if diverging else "cividis"
@@ -126,15 +126,15 @@ def show_map(axes, image, title, unit, span, *, log=False, diverging=False, pad=
 def spectrum(panels):
     """Spectra on logarithmic axes with their ratios below each, as in the paper's Figs. 1 and 2.
 
-    Ratios are on the axis of `himap.figures.axes`, the same in all panels, and none is cut off.
+    Ratios use the axis of `himap.figures.axes`, the same in all panels, and none is cut off.
 
     Parameters
     ----------
     panels
         A list of dicts: "title"; "xlabel", "ylabel", "ratio_label"; "true", a spectrum (x, y); "curves", a
-        list of (style, x, recovered, true) with styles of `himap.figures.styles`, spectra (n,), or
-        (n_members, n) of an ensemble, which is drawn as in `lines`. Curves of one label are the same in all
-        panels: where these or they are many, one legend is above.
+        list of (style, x, recovered, true) with styles of `himap.figures.styles` and spectra (n,), or
+        (n_members, n) for an ensemble, drawn as in `lines`. Curves with one label are the same in all
+        panels; if there are many panels or curves, one legend is above all.
     """
     one_scale = len({panel["ylabel"] for panel in panels}) == 1
     many = len(panels) > 2 or max(len(panel["curves"]) for panel in panels) > 2
@@ -170,22 +170,22 @@ def spectrum(panels):
 
 
 def _mark_one(axes, grey):
-    """A grey band and a line where ratios are 1."""
+    """Draw a grey band and a line at a ratio of 1."""
     axes.axhspan(1 - _BAND, 1 + _BAND, color=grey, zorder=0)
     axes.axhline(1, color="black", linewidth=0.8)
 
 
 def comparison_panel(kind, curves, *, title="", true=None):
-    """A panel of `spectrum`, of cleaned cubes and the truth; its kind is "angular" or "frequency".
+    """A panel of `spectrum` for cleaned cubes and the truth; `kind` is "angular" or "frequency".
 
-    The curves are [(style, `Comparison`)], or [(style, [`Comparison`, ...])] of ensembles. The truth is that
-    of the `Comparison` that is given as `true`, by default of the first curve.
+    The curves are [(style, `Comparison`)], or [(style, [`Comparison`, ...])] for ensembles. The truth is that
+    of the `Comparison` `true`, by default of the first curve.
     """
     x, shown = {"angular": "degrees", "frequency": "k"}[kind], []
     truth = np.ravel(curves[0][1])[0] if true is None else true
     for style, members in curves:
         members = np.ravel(members)
-        at = min((getattr(one, x) for one in members), key=len)  # masks differ, and so do the bins of l
+        at = min((getattr(one, x) for one in members), key=len)  # masks differ, and so do bins of l
         spectra = [
             np.array([np.interp(at, getattr(one, x), getattr(one, y)) for one in members])
             for y in (kind, f"true_{kind}")
@@ -202,26 +202,26 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
     Parameters
     ----------
     panels
-        A list of dicts: "curves", a list of (x, y, style), where y (n_members, n) of an ensemble are drawn as
-        median and 16 to 84 % band, with the members thin behind; optional "points", a list of (x, y, style)
-        with y (n,), drawn as markers, "bundles", a list of (x, ys, style) with ys (n_curves, n_x), each of
-        them one curve of many that lie below the others, and "legend", its keywords; and anything `Axes.set`
-        takes: title, xlabel, xscale, xlim... Of a bundle, the numbers that a figure carries are percentiles
-        over its curves. A label that begins with "_" is not in the legend.
+        A list of dicts: "curves", a list of (x, y, style), where y (n_members, n) is an ensemble, drawn as
+        median and 16 to 84 % band, with thin lines for members; optional "points", a list of (x, y, style)
+        with y (n,), drawn as markers; "bundles", a list of (x, ys, style) with ys (n_curves, n_x), many
+        curves drawn below the others; "legend", its keywords; and anything that `Axes.set` accepts: title,
+        xlabel, xscale, xlim... For a bundle, the figure stores percentiles over its curves. A label that
+        begins with "_" is not in the legend.
     columns, size
-        Of panels, inches.
+        Number of columns, and size of a panel, inches.
     legend_above
-        Whether one legend of all panels is above them; curves of one label are the same in all.
+        Whether all panels share one legend above them; curves with one label are the same in all.
     """
     figure, grid = subplots(len(panels), columns, size)
     points = []
     for axes, name, panel in zip(grid, panel_names(panels), panels, strict=True):
         curves, markers, bundles = (panel.get(key, []) for key in ("curves", "points", "bundles"))
-        for x, ys, style in bundles:  # as one picture: thousands of curves weigh no more than a few
+        for x, ys, style in bundles:  # rasterised: thousands of curves need no more space than a few
             pairs = np.stack([np.broadcast_to(x, np.shape(ys)), ys], axis=-1)
             look = {key: value for key, value in style.items() if key != "label"}
             axes.add_collection(LineCollection(pairs, rasterized=True, zorder=1.5, **look))
-            axes.plot([], [], **style | {"alpha": 1, "linewidth": 1})  # the legend has one, not faint
+            axes.plot([], [], **style | {"alpha": 1, "linewidth": 1})  # for the legend, not faint
         for x, y, style in curves:
             _draw_curve(axes, x, y, style)
         for x, y, style in markers:
@@ -229,7 +229,7 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
         drawn_already = ("curves", "points", "bundles", "legend")
         axes.set(**{key: value for key, value in panel.items() if key not in drawn_already})
         low, high = axes.get_xlim()
-        # Powers of ten alone would be too few.
+        # Powers of ten only would be too few.
         if axes.get_xscale() == "log" and high < 200 * low and "xticks" not in panel:
             set_plain_ticks(axes.xaxis, low, high)
         if axes.get_legend_handles_labels()[1] and not legend_above:
@@ -246,7 +246,7 @@ def lines(panels, *, columns=2, size=(4.6, 3.4), legend_above=False):
 
 
 def _draw_curve(axes, x, y, style):
-    """A curve, or of an ensemble (n_members, n) its median and band above its members."""
+    """Draw a curve, or for an ensemble (n_members, n) its median and band above its members."""
     if np.ndim(y) == 2:
         color = style["color"]
         low, middle, high = np.percentile(y, _BANDS, axis=0)
@@ -257,7 +257,7 @@ def _draw_curve(axes, x, y, style):
 
 
 def _points(panel, x, y, style):
-    """[(name of the panel, label, x, y)] of a curve, or of the median, the band and the members of one."""
+    """[(name of the panel, label, x, y)] of a curve, or of the median, band and members of an ensemble."""
     label = style.get("label", "").removeprefix("_")
     if np.ndim(y) < 2:
         return [(panel, label, x, y)]
@@ -270,9 +270,9 @@ def _points(panel, x, y, style):
 def ratios(panels, *, columns=3, size=(3.1, 2.9)):
     """A figure of ratios to the truth with the range over skies, on the axis of `himap.figures.axes`.
 
-    Panels are dicts: "curves", a list of (x, middle, low, high, style), arrays (n,); and anything `Axes.set`
-    takes. They share the axis of ratios and a legend above, so curves of one label are the same in all; the
-    size of each is in inches.
+    Panels are dicts: "curves", a list of (x, middle, low, high, style), arrays (n,); and anything that
+    `Axes.set` accepts. They share the axis of ratios and a legend above, so curves with one label are the
+    same in all; the size of each is in inches.
     """
     limits = ratio_limits([one for panel in panels for _, *three, _ in panel["curves"] for one in three])
     figure, grid = subplots(len(panels), columns, size, room=0.5, sharey=True)
@@ -293,8 +293,8 @@ def ratios(panels, *, columns=3, size=(3.1, 2.9)):
 
 @drawn(CURVES | {"axes.grid": False})
 def image(values, *, x, y, xlabel, ylabel, unit, limits=(1, 99)):
-    """A picture of `values` (n_y, n_x) over middles of pixels `x` and `y`, ascending and evenly spaced."""
-    figure, axes = plt.subplots(figsize=(_WIDTH, 3.2), dpi=90)  # a picture that is heavy when fine
+    """A picture of `values` (n_y, n_x) over pixel centres `x` and `y`, ascending and evenly spaced."""
+    figure, axes = plt.subplots(figsize=(_WIDTH, 3.2), dpi=90)  # a high resolution would make a large picture
     low, high = np.percentile(values, limits)
     extent = [end for at in (x, y) for end in (1.5 * at[0] - 0.5 * at[1], 1.5 * at[-1] - 0.5 * at[-2])]
     look = {"origin": "lower", "aspect": "auto", "extent": extent, "cmap": "cividis"}
@@ -305,7 +305,7 @@ def image(values, *, x, y, xlabel, ylabel, unit, limits=(1, 99)):
 
 
 def stamp(figure, provenance):
-    """Write where the figure comes from under it, in small print; returns the figure."""
-    size = np.clip(0.8 * figure.get_figwidth(), 6, 9)  # wide figures are shown scaled down
+    """Write the provenance of the figure below it, in small print; return the figure."""
+    size = np.clip(0.8 * figure.get_figwidth(), 6, 9)  # wide figures are scaled down on pages
     figure.supxlabel(str(provenance), fontsize=size, color="0.35")
     return figure

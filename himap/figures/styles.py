@@ -1,7 +1,7 @@
-"""Colours, lines and axis labels: the same for the same thing throughout figures, reports and notebooks.
+"""Colours, lines and axis labels: consistent throughout figures, reports and notebooks.
 
-Colours are those of Okabe and Ito, which stay apart for colour-blind readers, and an indigo, a wine red, an
-olive and a grey for the methods that are not the paper's; lines differ in style too, so they stay apart in
+Colours are those of Okabe and Ito, which colour-blind readers can distinguish, plus an indigo, a wine red, an
+olive and a grey for methods that are not the paper's; line styles also differ, to be distinguishable in
 grey.
 """
 
@@ -13,7 +13,7 @@ BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION = COLOURS
 INDIGO = "#332288"
 
 CHANNELS = "frequency [MHz]"
-"""Label of an axis of channels."""
+"""Axis label for channels."""
 
 AXES = {
     "angular": {
@@ -27,9 +27,9 @@ AXES = {
         "ratio_label": r"$P / P_0$",
     },
 }
-"""Labels of the axes of both power spectra, and of their ratios to the truth."""
+"""Axis labels for both power spectra, and for their ratios to the truth."""
 
-_PALER = 0.28  # of the way to white
+_PALER = 0.28  # share of the way to white
 
 METHOD_STYLES = {
     "pca": {"label": "PCA", "color": BLUE, "linestyle": "--"},
@@ -49,7 +49,7 @@ for _name in ("sdecgmca", "beam_subspace", "smooth_spectra"):
 
 
 def numbered(name, n_sources):
-    """What a method is called in a legend, with its number of sources; 0 or None for one that has none."""
+    """Name of a method in a legend, with its number of sources; 0 or None if it has none."""
     label = METHOD_STYLES.get(name, {"label": name})["label"]
     return f"{label} {n_sources}" if n_sources else label
 
@@ -71,20 +71,20 @@ _DASHES = ("-", (0, (6, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)))
 
 
 def method_style(method):
-    """Style of the curves of a `ForegroundRemover`, its label included."""
+    """Style of the curves of a `ForegroundRemover`, including its label."""
     return METHOD_STYLES.get(method.name, _OTHER | {"label": method.name})
 
 
 def beam_style(beam):
-    """Style of the curves of a `Beam`, its label included."""
+    """Style of the curves of a `Beam`, including its label."""
     return BEAM_STYLES.get(beam.name, _OTHER | {"label": str(beam)})
 
 
 def of_methods(methods):
-    """{(name, number): style} of methods of which some are there more than once, in their order.
+    """{(name, number): style} of methods of which some appear more than once, in their order.
 
-    More of the same are paler, and have dashes unlike those of the first; the second has none, or dots where
-    the first has none. A number is that of sources, or a text with it.
+    Repetitions are paler, and have other dashes than the first; the second has none, or dots if the first
+    has none. A number is that of sources, or a text with it.
     """
     looks, n_of = {}, {}
     for name, number in methods:
@@ -102,7 +102,7 @@ def of_methods(methods):
 
 
 def of_restarts(style, *failed, n):
-    """The style of a curve of `n` restarts, whose label says so, and how many failed (in each panel).
+    """The style of a curve for `n` restarts; its label says so, and how many failed (in each panel).
 
     >>> of_restarts({"label": "SDecGMCA"}, 0, 1, n=4)
     {'label': 'SDecGMCA, median of 4 (0, 1 failed)'}
@@ -113,10 +113,10 @@ def of_restarts(style, *failed, n):
 
 
 def sequence(labels):
-    """Styles of curves that have an order, such as one for each number of components: [style, ...].
+    """Styles of curves with an order, such as one for each number of components: [style, ...].
 
-    Colours go from dark to light, evenly for the eye, colour-blind or not, and in grey; neighbours differ in
-    their dashes too.
+    Colours go from dark to light, perceptually evenly, also for colour-blind readers and in grey; neighbours
+    also differ in their dashes.
     """
     colours = matplotlib.colormaps["plasma"](np.linspace(0.05, 0.9, len(labels)))
     return [
