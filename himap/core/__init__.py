@@ -1,1 +1,1 @@
-"""What all other packages use: errors, checks, the survey, files and progress."""
+"""Used by all other packages: errors, checks, the survey, files and progress."""

@@ -1,4 +1,4 @@
-"""Checks of what users pass in; each raises `InputError` with what came and the way out."""
+"""Checks of user input; each raises `InputError` with the value received and a way out."""
 
 import numbers
 import sys
@@ -8,12 +8,12 @@ import numpy as np
 
 from himap.core.errors import InputError, nearest
 
-_LARGEST = 1e15  # mK; beyond is not a sky: healpy marks missing pixels with -1.6e30
-_UNEVEN = 1.01  # largest distance of neighbouring channels over the smallest
+_LARGEST = 1e15  # mK; larger values are no sky: healpy marks missing pixels with -1.6e30
+_UNEVEN = 1.01  # largest spacing of neighbouring channels over the smallest
 
 
 def real_array(label, values):
-    """`values` as an array of real numbers, temperatures of astropy in mK; not masked, ragged or complex."""
+    """`values` as an array of real numbers, astropy temperatures in mK; not masked, ragged or complex."""
     if getattr(getattr(values, "unit", None), "physical_type", "") == "temperature":
         values = _in_unit(label, values, "mK")
     if np.ma.is_masked(values):
@@ -30,7 +30,7 @@ def real_array(label, values):
 def checked_cube(label, maps, *, min_channels=1, kept=None):
     """`maps` as an array (n_channels, n_pix), float32 or float64, finite where `kept` is True.
 
-    `kept` is (n_pix,) or (n_channels, n_pix), None for everywhere. float32 stays as it is, without a copy;
+    `kept` is (n_pix,) or (n_channels, n_pix), None for everywhere. float32 is returned without a copy;
     everything else becomes float64.
     """
     maps = real_array(label, maps)
@@ -50,13 +50,13 @@ def checked_cube(label, maps, *, min_channels=1, kept=None):
 
 
 def _count_bad(pixels, kept):
-    if pixels.min() > -_LARGEST and pixels.max() < _LARGEST:  # not so with a NaN
+    if pixels.min() > -_LARGEST and pixels.max() < _LARGEST:  # False if there is a NaN
         return 0
     return int(np.count_nonzero(~(np.abs(pixels) < _LARGEST) & kept))
 
 
 def in_mhz(freqs):
-    """Frequencies as numbers of MHz, also of an astropy quantity."""
+    """Frequencies as numbers in MHz; also accepts an astropy quantity."""
     return _in_unit("freqs", freqs, "MHz") if hasattr(freqs, "to_value") else freqs
 
 
@@ -69,7 +69,7 @@ def _in_unit(label, values, unit):
 
 
 def checked_freqs(freqs, n_channels):
-    """Channel centres in MHz, (n_channels,) float64, positive and ascending; takes astropy quantities."""
+    """Channel centres in MHz, (n_channels,) float64, positive and ascending; accepts astropy quantities."""
     freqs = real_array("freqs", in_mhz(freqs)).astype(float)
     if freqs.shape != (n_channels,):
         raise InputError(f"freqs must be one MHz value per channel, ({n_channels},), got {freqs.shape}.")
@@ -83,7 +83,7 @@ def checked_freqs(freqs, n_channels):
 
 
 def evenly_spaced(freqs):
-    """Whether channels (n_channels,), two or more, ascending, are as far apart everywhere, to 1 %."""
+    """Whether channels (n_channels,), two or more, ascending, have equal spacing to 1 %."""
     steps = np.diff(freqs)
     return steps.max() <= _UNEVEN * steps.min()
 
@@ -135,11 +135,11 @@ def power_of_two(label, value, low, high):
 
 
 def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=False, choices=(), off=MISSING):
-    """A dataclass field with a help text, and what it may be; without default it must be given.
+    """A dataclass field with a help text and valid values; without a default it must be given.
 
-    Limits of a number are inclusive, but for the lower one with `above`; `choices` are the values that there
-    are. With the value `off` all is as it was without this field: it then counts in no key of a product, so
-    that results made before it was added stay valid.
+    Limits of a number are inclusive, except the lower one with `above`; `choices` are the valid values. With
+    the value `off`, results are as before this field existed: it then enters no key of a product, so results
+    computed earlier stay valid.
     """
     limits = {"minimum": minimum, "maximum": maximum, "above": above, "choices": choices}
     limits |= {} if off is MISSING else {"off": off}
@@ -147,13 +147,13 @@ def parameter(default=MISSING, help="", *, minimum=None, maximum=None, above=Fal
 
 
 def fields_on(instance):
-    """Pairs of the fields of a dataclass and their values, without those at the value that is `off`."""
+    """Pairs of fields of a dataclass and their values, without fields at their `off` value."""
     pairs = ((item, getattr(instance, item.name)) for item in fields(instance))
     return [(item, one) for item, one in pairs if "off" not in item.metadata or one != item.metadata["off"]]
 
 
 def with_fields(kind, values):
-    """An instance of the dataclass of parameters `kind`, from {field: value}; InputError for unknown ones."""
+    """Make the dataclass of parameters `kind` from {field: value}; InputError for unknown fields."""
     known = [item.name for item in fields(kind)]
     if unknown := [f"{name}{nearest(name, known)}" for name in values if name not in known]:
         raise InputError(f"{kind.__name__} has no field {', '.join(unknown)}; it has {', '.join(known)}.")
@@ -161,9 +161,9 @@ def with_fields(kind, values):
 
 
 def checked_fields(instance):
-    """Put every field of a frozen dataclass, each a `parameter`, in its type, within its limits or choices.
+    """Convert every field of a frozen dataclass, each a `parameter`, to its type; check limits or choices.
 
-    Fields of other types than int and float, without choices, are for their class to check.
+    Fields without choices and of types other than int and float must be checked by their class.
     """
     for item in fields(instance):
         value, choices = getattr(instance, item.name), item.metadata["choices"]

@@ -1,10 +1,10 @@
-"""Files that are written completely or not at all, and folders to which nobody else can write.
+"""Files that are written completely or not at all, and folders that nobody else can write to.
 
-Unfinished work is under a name with the machine and the process, so that the next process can
-see whether its owner is still there. Files are written in such a folder next to their place. Once all are
-there, so is a list of them, and they are renamed. A process that is killed before the list is there leaves
-none of its files, and the folder goes at the next start; one that is killed after it leaves a set that the
-next start completes.
+Unfinished work is in a folder named after the machine and the process, next to its destination, so that the
+next process can see whether its owner still runs. When all files of the folder are complete, a list of them
+is written, and they are renamed. A process killed before the list exists leaves none of its files, and the
+folder is removed at the next start; a process killed afterwards leaves a set that is completed at the next
+start.
 """
 
 import atexit
@@ -22,35 +22,35 @@ from pathlib import Path
 
 from himap.core.errors import InputError
 
-_OUTPUT, _RUN = ".himap", "himap"  # beginnings of names
+_OUTPUT, _RUN = ".himap", "himap"  # prefixes of names
 _LIST = ".whole"
-_LONGEST = 60  # bytes of the name of a folder that leaves room for those of sockets
+_LONGEST = 60  # bytes of the name of a folder, so that names of sockets fit
 _SEMAPHORES = Path("/dev/shm")  # where Linux has them
-_CLOCK = 60  # s that the clocks of a disk and of the machine may differ
+_CLOCK = 60  # s, largest difference between the clocks of a disk and of the machine
 _ELSEWHERE = "Or set the variable HIMAP_CACHE to a folder of your own."
 
 
 def cache_folder():
-    """The folder named by the variable HIMAP_CACHE, else `user_cache`."""
+    """The folder given by the variable HIMAP_CACHE, else `user_cache`."""
     folder = os.environ.get("HIMAP_CACHE")
     return Path(os.path.expanduser(folder)) if folder else user_cache()
 
 
 def user_cache():
-    """The folder ``himap`` among those of the user's caches."""
-    import platformdirs  # here, as psutil below: not every process asks, and each of them imports himap
+    """The folder ``himap`` in the user's cache folder."""
+    import platformdirs  # here, like psutil below: only some processes need it, and all import himap
 
     return platformdirs.user_cache_path("himap", appauthor=False)
 
 
 def make_private(folder):
-    """Make a folder, and those above it, for its owner alone; an existing one stays as it is."""
+    """Make a folder, and its parents, accessible to its owner only; an existing one is unchanged."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     folder.mkdir(mode=0o700, exist_ok=True)
 
 
 def check_private(folder):
-    """InputError for an existing folder that others own or can write to."""
+    """Raise InputError if an existing folder is owned or writable by others."""
     try:
         status = folder.stat()
     except (FileNotFoundError, NotADirectoryError):
@@ -72,7 +72,7 @@ def unfinished_name(prefix):
 
 
 def is_abandoned(path):
-    """Whether a folder named by `unfinished_name` is of a process of this machine and user that has ended."""
+    """Whether a folder named by `unfinished_name` belongs to an ended process of this machine and user."""
     import psutil
 
     pid = path.name.partition(f"-{socket.gethostname()}-")[2].partition("-")[0]
@@ -82,7 +82,7 @@ def is_abandoned(path):
         status = path.lstat()
         if not stat.S_ISDIR(status.st_mode) or (hasattr(os, "geteuid") and status.st_uid != os.geteuid()):
             return False
-        # A process that began after the folder was last touched has the number of another one.
+        # If the process began after the last change of the folder, its number has been reused.
         return psutil.Process(int(pid)).create_time() > status.st_mtime + _CLOCK
     except (psutil.NoSuchProcess, OverflowError):
         return True
@@ -92,10 +92,10 @@ def is_abandoned(path):
 
 @cache
 def run_folder():
-    """A temporary folder that the processes of a run share, until this process ends.
+    """A temporary folder shared by the processes of a run, until this process ends.
 
-    Those of killed processes are removed, and the semaphores of joblib that these had. InputError where no
-    folder for temporary files can be written to.
+    Folders of killed processes are removed, and their semaphores of joblib. InputError if no folder for
+    temporary files is writable.
     """
     homes = []
     with suppress(FileNotFoundError):
@@ -117,17 +117,17 @@ def run_folder():
 
 
 def note_worker(folder):
-    """Note in a `run_folder`, if it is on this machine, that this process works for it."""
+    """Record in a `run_folder`, if it is on this machine, that this process works for it."""
     with suppress(OSError):
         (folder / f"{os.getpid()}.worker").touch()
 
 
 def keep_compiled_code():
-    """Let numba keep what it compiles, which it runs again, where nobody else can write.
+    """Let numba store compiled code, which it executes again, where nobody else can write.
 
-    In the folder that the variable NUMBA_CACHE_DIR names, else in ``numba`` in the user's cache or in that of
-    results, else until this process ends. A folder that others can write to is never used, with a warning
-    where it is the one that was named.
+    It is stored in the folder given by the variable NUMBA_CACHE_DIR, else in ``numba`` in the user's cache or
+    that of results, else only until this process ends. A folder writable by others is never used; a
+    warning is issued if it was given by the variable.
     """
     named = os.environ.get("NUMBA_CACHE_DIR")
     if named:
@@ -147,10 +147,10 @@ def keep_compiled_code():
 
 @contextmanager
 def atomic_files(*paths):
-    """Names to write to, in this order, that become `paths`, of one folder, when all of them are written.
+    """Names to write to, in this order, that become `paths`, in one folder, when all of them are written.
 
-    InputError where one of them, which the message names, or a folder that they lie in, cannot be written.
-    An OSError of another file stays as it is.
+    InputError, naming the file, if one of them or a parent folder cannot be written. An OSError of any
+    other file is raised unchanged.
     """
     paths = [Path(path) for path in paths]
     home, at_work = paths[0].parent, paths[0]
@@ -178,13 +178,13 @@ def atomic_files(*paths):
 
 
 def _move(files):
-    """Rename files to the folder that theirs is in."""
+    """Rename files to the parent of their folder."""
     for file in files:
         os.replace(file, file.parents[1] / file.name)
 
 
 def complete_abandoned(home):
-    """Complete or remove what ended processes did not finish in a folder; the paths that are complete now."""
+    """Complete or remove unfinished work of ended processes in a folder; return the completed paths."""
     completed = set()
     for folder in filter(is_abandoned, home.glob(f"{_OUTPUT}-*")):
         with suppress(OSError, ValueError):
@@ -197,10 +197,10 @@ def complete_abandoned(home):
 
 
 def check_free(paths, *, overwrite):
-    """InputError, before the work, for output files of one folder that cannot be written, or that exist.
+    """Raise InputError, before any work, if output files of one folder exist or cannot be written.
 
-    That is a folder or device in the place of a file, a name that no file can have, or, without `overwrite`,
-    a file. What a killed process did not finish is completed first, and may be overwritten.
+    They cannot be written if the path is a folder or device, or an impossible name; an existing file is
+    accepted with `overwrite`. Output of a killed process is completed first, and may be overwritten.
     """
     completed = complete_abandoned(paths[0].parent)
     for path in paths:

@@ -1,8 +1,8 @@
-"""How much memory may be used; what needs more is refused before it starts.
+"""How much memory may be used; work that needs more is refused before it starts.
 
-Everything large is float32: boxes of cells while HI is made, cubes of (n_channels, n_pix) afterwards. The
-counts are those of the code. tests/test_memory.py compares the light cone with a measured peak; observing and
-cleaning are what processes took at the paper's size.
+Everything large is float32: boxes of cells while HI is simulated, then cubes of (n_channels, n_pix). The
+counts follow from the code. tests/test_memory.py compares the light cone with a measured peak; observing
+and cleaning were measured at the paper's size.
 """
 
 import os
@@ -20,24 +20,24 @@ LIMIT_VARIABLE = "HIMAP_MAX_MEMORY"
 """Environment variable with the memory that a run may use, such as 16GB; `--max-memory` sets it."""
 
 PROCESS = 0.5e9
-"""Bytes of a Python process with the packages that himap uses."""
+"""Bytes of a Python process with the packages imported by himap."""
 
 _UNITS = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
-_LARGEST = 1e15  # bytes that somebody may mean
-_BOXES = 2  # of cells, while HI is made
-_KILLS = Path("/proc/vmstat")  # where Linux counts the processes that it ended for want of memory
-_COLUMNS = 7e9  # bytes of what is transformed at once, and of its transform
-_CUBES = {"observing": 5, "cleaning": 3.5}  # held at once by one process, those of mapped files too
+_LARGEST = 1e15  # largest plausible number of bytes
+_BOXES = 2  # of cells, while HI is simulated
+_KILLS = Path("/proc/vmstat")  # where Linux counts processes killed because memory ran out
+_COLUMNS = 7e9  # bytes of the columns transformed at once, and of their transform
+_CUBES = {"observing": 5, "cleaning": 3.5}  # held at once by one process, including mapped files
 
 
 def memory_limit():
-    """Bytes that a run may use: HIMAP_MAX_MEMORY, as `parse_size` reads it, else what is free now."""
+    """Bytes that a run may use: HIMAP_MAX_MEMORY, as `parse_size` reads it, else the free memory."""
     text = os.environ.get(LIMIT_VARIABLE, "")
     return parse_size(text) if text else psutil.virtual_memory().available
 
 
 def parse_size(text):
-    """Bytes of a text such as 16GB or 500 MB; InputError for no size, or one that no machine has."""
+    """Bytes of a text such as 16GB or 500 MB; InputError if it is no size, or more than any machine has."""
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kMGT]?)B?\s*", text, flags=re.ASCII)
     size = float(match[1]) * _UNITS[match[2]] if match else 0
     if not 1 <= size <= _LARGEST:
@@ -49,7 +49,7 @@ def parse_size(text):
 
 
 def check_room(what, n_bytes):
-    """InputError before `what`, a text, is read, where its arrays need more bytes than `memory_limit`."""
+    """Raise InputError before `what`, a text, is read, if its arrays need more than `memory_limit`."""
     limit = memory_limit()
     if n_bytes > limit:
         raise InputError(
@@ -61,16 +61,16 @@ def check_room(what, n_bytes):
 
 
 def memory_kills():
-    """How many processes Linux has ended for want of memory since it started; 0 where it does not say."""
+    """Number of processes that Linux has killed for lack of memory since it started; 0 if unknown."""
     with suppress(OSError, TypeError):
         return int(re.search(r"^oom_kill (\d+)$", _KILLS.read_text(), re.M)[1])
     return 0
 
 
 def cause_of_death(codes, kills):
-    """How processes ended: their exit codes or signals (negative), and memory only if it ran out.
+    """Describe how processes ended: exit codes or signals (negative), and memory only if it ran out.
 
-    `kills` is what `memory_kills` gave before they started.
+    `kills` is the result of `memory_kills` before they started.
     """
     names = []
     for code in sorted(set(codes)):
@@ -82,16 +82,16 @@ def cause_of_death(codes, kills):
 
 
 def estimate(survey, *, jobs=1, in_files=False):
-    """Peak memory by step, {step: bytes}, of a run with `jobs` processes that clean at once.
+    """Peak memory by step, {step: bytes}, of a run with `jobs` processes that clean in parallel.
 
-    The HI box is in memory, or `in_files`: then memory holds the columns that are transformed at once, and
-    the modes of a smaller box.
+    The HI box is in memory, or `in_files`: then memory holds only the columns transformed at once, and the
+    modes of a smaller box.
     """
     cube = 4 * survey.n_channels * survey.n_pix
     light_cone = _BOXES * 4 * survey.box_cells**3 + cube
     if in_files:
         in_columns = max(_COLUMNS + 4 * min(survey.box_cells, NESTED_CELLS) ** 3, cube)
-        light_cone = min(light_cone, in_columns)  # a small box needs less than its columns may
+        light_cone = min(light_cone, in_columns)  # a small box needs less than the limit for columns
     return {
         "HI light cone": PROCESS + light_cone,
         "observing": PROCESS + _CUBES["observing"] * cube,
@@ -100,12 +100,12 @@ def estimate(survey, *, jobs=1, in_files=False):
 
 
 def fitting(survey, step):
-    """How many processes that do a step of `estimate` fit into `memory_limit`, 1 or more."""
+    """Number of processes that fit into `memory_limit` for a step of `estimate`, at least 1."""
     return max(1, int(memory_limit() // estimate(survey)[step]))
 
 
 def check_memory(survey, step, *, jobs=1, in_files=False):
-    """InputError, before it starts, for a step of `estimate`, whose options these are, that will not fit."""
+    """Raise InputError before a step of `estimate`, with the same options, if it does not fit into memory."""
     limit, needed = memory_limit(), estimate(survey, jobs=jobs, in_files=in_files)[step]
     if needed > limit:
         if step == "cleaning" and jobs > 1:

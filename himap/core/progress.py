@@ -1,9 +1,9 @@
-"""Progress of long work: a bar on a terminal, a line now and then in a log, nothing in a notebook.
+"""Progress of long work: a bar on a terminal, occasional lines in a log, nothing in a notebook.
 
-A bar is drawn only where a person can watch it: on standard error if that is a terminal, or on the
-terminal named by the variable HIMAP_TERMINAL, which `himap run` sets for the kernels it starts. So
-the bar of a notebook's work shows in the terminal and never lands in the notebook. A command whose
-standard error is no terminal writes lines there (`in_lines`).
+A bar is drawn only where a person can see it: on standard error if that is a terminal, or on the
+terminal given by the variable HIMAP_TERMINAL, which `himap run` sets for its kernels. So the bar of a
+notebook's work appears in the terminal and never in the notebook. A command whose standard error is not a
+terminal writes lines there (`in_lines`).
 """
 
 import atexit
@@ -16,12 +16,12 @@ from tqdm import tqdm
 TERMINAL_VARIABLE = "HIMAP_TERMINAL"
 """Environment variable with the path of the terminal to draw on."""
 
-_DELAY = 1.0  # s: what is done before needs no bar
+_DELAY = 1.0  # s: shorter work has no bar
 _EVERY = 10.0  # s between lines
 _LINE = "{desc}: {n_fmt} of {total_fmt}, {elapsed} passed, {remaining} remain"
 
 in_lines = False
-"""Whether progress is a line every 10 s on standard error where no terminal shows a bar, as in a command."""
+"""Whether to write a line every 10 s to standard error if no terminal shows a bar, as commands do."""
 
 
 def progress(iterable=None, description="", *, total=None):
@@ -33,7 +33,7 @@ def progress(iterable=None, description="", *, total=None):
             ...
             bar.update()
 
-    The `description`, a word or two, is in front of the bar; `total` is the number of steps where `iterable`
+    The `description`, a word or two, is shown before the bar; `total` is the number of steps if `iterable`
     has no length.
     """
     if sys.stderr is not None and sys.stderr.isatty():
@@ -48,7 +48,7 @@ def progress(iterable=None, description="", *, total=None):
 
 
 class _Lines:
-    """A file to which each state of a bar goes as a line."""
+    """A file that receives each state of a bar as a line."""
 
     def __init__(self, file):
         self._file = file
@@ -59,14 +59,14 @@ class _Lines:
 
 
 class _Bar(tqdm):
-    """A bar that no thread watches: tqdm's warns, now and then, when other bars begin and end as it looks."""
+    """A bar without tqdm's monitor thread, which occasionally warns if other bars start or end meanwhile."""
 
     monitor_interval = 0
 
 
 @lru_cache(maxsize=4)
 def _open_terminal(path):
-    """The terminal at `path`, open for writing; None if there is none any more."""
+    """The terminal at `path`, open for writing; None if it no longer exists."""
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_NOCTTY)
     except OSError:

@@ -1,4 +1,4 @@
-"""Files to read, and plain numbers from them. Nothing that is read can run code, or wait for ever."""
+"""Reading files, and plain numbers from them. Reading never executes code or blocks forever."""
 
 import gzip
 import os
@@ -15,8 +15,8 @@ from himap.core.errors import InputError, plain_text
 from himap.core.memory import check_room
 
 _LARGEST_TEXT = 1e8  # bytes of a table of numbers in text
-_ROOM = 10  # bytes in memory for each of such a text
-_NUMBER = re.compile(r"[-+]?[0-9]+(,[0-9]+)?")  # whole, or with what may be a decimal comma
+_ROOM = 10  # bytes of memory for each byte of such a text
+_NUMBER = re.compile(r"[-+]?[0-9]+(,[0-9]+)?")  # an integer, or with a possible decimal comma
 _FORMATS = {  # (first bytes, endings of names)
     "HDF5": (b"\x89HDF\r\n\x1a\n", (".h5", ".hdf5", ".hdf", ".hd5")),
     "FITS": (b"SIMPLE  =", (".fits", ".fit", ".fits.gz", ".fits.fz")),
@@ -26,8 +26,8 @@ _FORMATS = {  # (first bytes, endings of names)
 
 @contextmanager
 def reading(path, kind=None):
-    """While `path` is read: every `InputError` names it, and if it is read as a `kind` of file, a text, so is
-    what a library raises for a damaged one."""
+    """Context of reading `path`: every `InputError` names it, and if `kind`, a type of file, is given, errors
+    of libraries for a damaged file become InputError."""
     try:
         yield
     except InputError as error:
@@ -43,14 +43,14 @@ def reading(path, kind=None):
 
 
 def is_file(path):
-    """Whether `path` leads to a file that is no folder; False for a name that none can have."""
+    """Whether `path` leads to a file that is not a folder; False for an impossible name."""
     return os.path.exists(path) and not os.path.isdir(path)
 
 
 def regular_file(path, kind="file"):
-    """`path`, a file that can be read at once, as a `Path`; `kind` is what an error calls it.
+    """`path`, a file that can be read without blocking, as a `Path`; errors call it a `kind`.
 
-    InputError where there is none, it may not be read, or it is a folder, a pipe or a device.
+    InputError if it does not exist or may not be read, or if it is a folder, a pipe or a device.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"the {kind} must be given by its path, got {type(path).__name__}.")
@@ -71,8 +71,8 @@ def regular_file(path, kind="file"):
 
 
 def format_of(path):
-    """ "HDF5", "FITS" or "npy": by the first bytes of a file, or else by the ending of its name; or None."""
-    import h5py  # slow, and few ask
+    """ "HDF5", "FITS" or "npy", from the first bytes of a file, or else from its extension; or None."""
+    import h5py  # slow, and rarely needed
 
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
@@ -82,23 +82,23 @@ def format_of(path):
             if first[:2] == b"\x1f\x8b":
                 with gzip.open(path) as unpacked:
                     first = unpacked.read(9)
-                if not first.startswith(_FORMATS["FITS"][0]):  # no other is read where it is packed
+                if not first.startswith(_FORMATS["FITS"][0]):  # only FITS is read in packed form
                     return None
             for name, (magic, _) in _FORMATS.items():
                 if first.startswith(magic):
                     return name
-        if h5py.is_hdf5(path):  # with other bytes before
+        if h5py.is_hdf5(path):  # preceded by other bytes
             return "HDF5"
     except (OSError, EOFError, ValueError, zlib.error):
-        pass  # what cannot be read is an error of its reader
+        pass  # its reader raises the error
     ending = str(path).lower().endswith
     return next((name for name, (_, endings) in _FORMATS.items() if ending(endings)), None)
 
 
 def mapped_array(path):
-    """The array of a .npy file, read where it is looked at.
+    """The array of a .npy file, memory-mapped.
 
-    InputError for another file, one shorter than it says, and arrays of objects, which could run code.
+    InputError for another file, a truncated one, and arrays of objects, which could execute code.
     """
     path = regular_file(path)
     if (form := format_of(path)) in ("HDF5", "FITS"):
@@ -116,16 +116,16 @@ def mapped_array(path):
 
 
 def read_array(path):
-    """The array of a .npy file, in memory; errors as of `mapped_array`, and one that does not fit."""
+    """The array of a .npy file, in memory; errors as in `mapped_array`, and if it does not fit."""
     mapped = mapped_array(path)
     check_room(str(path), mapped.nbytes)
     return np.array(mapped)
 
 
 def read_numbers(path):
-    """The numbers of a .npy file, or of a text file with columns parted by blanks or commas, float64.
+    """Numbers from a .npy file, or a text file with columns separated by blanks or commas, float64.
 
-    InputError where there is no such file, or it does not hold real numbers, at least one.
+    InputError if there is no such file, or it does not hold at least one real number.
     """
     path = regular_file(path)
     values = read_array(path) if format_of(path) == "npy" else _table(path)
@@ -149,14 +149,14 @@ def _table(path):
     with_comma = [word for row in words for word in row if "," in word]
     if with_comma and all(_NUMBER.fullmatch(word) for row in words for word in row):
         first, last = np.array([(row[0].split(",") * 2)[:2] for row in words], dtype=int).T
-        are_pairs = len(with_comma) == len(words) == sum(map(len, words))  # of whole numbers: say, edges
+        are_pairs = len(with_comma) == len(words) == sum(map(len, words))  # of integers, for example edges
         if not (are_pairs and ((last[:-1] == first[1:]).all() or (first[:-1] == last[1:]).all())):
             raise InputError(
                 f"{path} has numbers with decimal commas, such as {with_comma[0]}: write points, "
                 f"{with_comma[0].replace(',', '.')}, and blanks between columns."
             )
     try:
-        with warnings.catch_warnings(action="ignore", category=UserWarning):  # of a file without numbers
+        with warnings.catch_warnings(action="ignore", category=UserWarning):  # for a file without numbers
             return np.loadtxt([line.replace(",", " ") for line in lines], ndmin=1)
     except ValueError as error:
         word = next(

@@ -1,4 +1,4 @@
-"""Registered classes: a package with one class in each file, under a name."""
+"""Registries of classes: a package with one named class in each file."""
 
 import importlib.util
 import pkgutil
@@ -10,22 +10,22 @@ from himap.core.errors import InputError, nearest
 
 
 def plain_name(name):
-    """A name in small letters, without blanks, hyphens and the like."""
+    """A name in lower case, without blanks, hyphens and the like."""
     return re.sub(r"[\W_]", "", str(name)).lower()
 
 
 class Registry:
-    """The classes that the files of a package register.
+    """The classes registered by the files of a package.
 
-    Messages call one a `kind`. `package` and `path` are ``__name__`` and ``__path__`` of the package,
-    `classes` is {name: class}, which the base class of them all fills in ``__init_subclass__``.
+    Messages call a class a `kind`. `package` and `path` are ``__name__`` and ``__path__`` of the package,
+    `classes` is {name: class}, filled by their common base class in ``__init_subclass__``.
     """
 
     def __init__(self, kind, package, path, classes):
         self._kind, self._package, self._path, self._classes = kind, package, path, classes
 
     def names(self):
-        """The names, sorted; every file of the package is imported."""
+        """The names, sorted; imports every file of the package."""
         for module in pkgutil.iter_modules(self._path):
             import_module(f"{self._package}.{module.name}")
         return sorted(self._classes)
@@ -33,7 +33,7 @@ class Registry:
     def holds(self, name):
         """Whether there is a class called `name`.
 
-        It is looked for in the file of that name, then in all: a new file changes nothing for others.
+        The file of that name is imported first, then all: a new file changes nothing for others.
         """
         if not isinstance(name, str):
             return False
@@ -42,7 +42,7 @@ class Registry:
         return name in self._classes or name in self.names()
 
     def find(self, name):
-        """The name of the class that is meant: capitals, blanks and hyphens do not count; else InputError."""
+        """The name of the intended class, ignoring case, blanks and hyphens; InputError if there is none."""
         if self.holds(name):
             return name
         names = {plain_name(each): each for each in self.names()}
@@ -52,7 +52,7 @@ class Registry:
         return names[plain_name(name)]
 
     def describe(self, name):
-        """What a class is, and its parameters with their defaults, as text."""
+        """Description of a class, and its parameters with their defaults, as text."""
         kind = self._classes[self.find(name)]
         lines = [kind.__doc__.splitlines()[0]]
         for item in fields(kind):
@@ -61,9 +61,9 @@ class Registry:
         return "\n".join(lines)
 
     def create(self, name, **parameters):
-        """An object of the class called `name`; words that are chosen from several may be in any case.
+        """Make an object of the class called `name`; choices among several words may be in any case.
 
-        InputError for an unknown name or parameter (the message lists what exists), or a bad value.
+        InputError for an unknown name or parameter (the message lists the valid ones), or an invalid value.
         """
         name = self.find(name)
         kind = self._classes[name]
@@ -80,8 +80,8 @@ class Registry:
         return kind(**parameters)
 
     def attribute(self, name):
-        """The class that is *called* `name` in its file, such as PCA, for the package's ``__getattr__``."""
-        if name[:1].isupper():  # what is written small is a file, which Python finds
+        """The class with the *Python* name `name`, such as PCA, for the package's ``__getattr__``."""
+        if name[:1].isupper():  # lower-case names are modules, which Python finds
             self.names()
             for kind in self._classes.values():
                 if kind.__name__ == name and kind.__module__.startswith(f"{self._package}."):

@@ -1,7 +1,7 @@
 """The survey: band, channels, sky resolution, dish, noise parameters and seed.
 
-A `Survey` is all that a simulation depends on besides the choice of Galaxy and beam. It is frozen
-and small, so it doubles as the key of every cached product. The four presets are those of the
+A `Survey` holds all that a simulation depends on besides the choice of Galaxy and beam. It is frozen
+and small, so it is also the key of every cached product. The four presets are those of the
 companion; every field of a preset can be overridden.
 """
 
@@ -17,7 +17,7 @@ FREQ_21CM = 1420.405751768
 """Rest frequency of the 21 cm line, MHz."""
 
 NESTED_CELLS = 1024
-"""Cells a side of the largest HI box with modes of its own: larger ones have those of this one, and more."""
+"""Cells per side of the largest HI box with independent modes: larger boxes have its modes, and more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class Survey:
     Raises
     ------
     InputError
-        A field of the wrong type or outside its range, or an `nside` that is no power of two.
+        If a field has the wrong type or is outside its range, or `nside` is not a power of two.
     """
 
     nside: int = parameter(64, "HEALPix resolution of the maps, a power of two", minimum=4, maximum=4096)
@@ -88,7 +88,7 @@ class Survey:
     def preset(cls, name="quick", **overrides):
         """The preset `name`, with any field overridden.
 
-        InputError for an unknown preset or field (the message lists what exists), or a bad value.
+        InputError for an unknown preset or field (the message lists the valid ones), or an invalid value.
         """
         if not isinstance(name, str) or name not in PRESETS:
             raise InputError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}.")
@@ -99,7 +99,7 @@ class Survey:
 
     @classmethod
     def describe(cls):
-        """Every field with its type and help, one a line."""
+        """Every field with its type and help, one per line."""
         return "\n".join(
             f"  {item.name}: {item.type.__name__}  {item.metadata['help']}" for item in fields(cls)
         )
@@ -121,7 +121,7 @@ class Survey:
 
     @property
     def n_pix(self):
-        """Pixels of a map."""
+        """Number of pixels of a map."""
         return 12 * self.nside**2
 
     @property
@@ -131,12 +131,12 @@ class Survey:
 
     @property
     def sky(self):
-        """This survey with the default instrument: all that a simulated sky depends on."""
+        """This survey with the default instrument: the part that a simulated sky depends on."""
         instrument = ("dish_diameter", "n_dishes", "t_obs", "t_instr", "f_sky", "noise_reading", "taper")
         return replace(self, **{name: getattr(Survey, name) for name in instrument})
 
     def check_untapered(self):
-        """InputError if there is a `taper`, for measures that have none: of mocks, cubes and images."""
+        """Raise InputError if there is a `taper`, for spectra of mocks, cubes and images, which have none."""
         if self.taper != "none":
             raise InputError(
                 f"spectra of mocks, cubes and images have no taper, got taper={self.taper!r}; leave it out, "
@@ -158,4 +158,4 @@ PRESETS = {
     "laptop": Survey(nside=128, n_channels=250, box_cells=512),
     "paper": Survey(nside=256, n_channels=500, box_cells=1024),
 }
-"""tests · the default, seconds · a closer look, minutes · the paper."""
+"""For tests; the default, seconds; a closer look, minutes; the paper."""
