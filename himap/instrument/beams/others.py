@@ -87,9 +87,7 @@ class PerturbedBeam(Beam):
     name: ClassVar[str] = "misjudged"
     beam: str = parameter("oscillating", "the true beam, by name, or a file")
     width: float = parameter(0.0, "relative error of the FWHM of all channels", minimum=-0.5, maximum=0.5)
-    ripple: float = parameter(
-        0.0, "relative amplitude of the oscillating error", minimum=-0.5, maximum=0.5
-    )
+    ripple: float = parameter(0.0, "relative amplitude of the oscillating error", minimum=-0.5, maximum=0.5)
     period: float = parameter(20.0, "its period, MHz", minimum=0, above=True)
     phase: float = parameter(0.0, "its phase at 0 MHz, rad")
 
