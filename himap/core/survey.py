@@ -53,8 +53,8 @@ class Survey:
     f_sky: float = parameter(1.0, "observed fraction of the sky", minimum=0, maximum=1, above=True)
     noise_reading: str = parameter(
         "deviation",
-        "sigma_N of the noise formula is a deviation or variance of pixels; as the latter its value in mK is "
-        "one in mK^2, whose root is the noise, which depends on the unit",
+        "sigma_N of the noise formula is the standard deviation or variance of pixels; as a variance, its "
+        "value in mK is read in mK^2 and the noise is its root, which depends on the unit",
         choices=("deviation", "variance"),
     )
     hi_bias: str = parameter(

@@ -1,1 +1,1 @@
-"""The paper: its methods and beams, its chain from sky to spectra, its claims."""
+"""The paper: its methods and beams, its chain from sky to spectra, and its claims."""

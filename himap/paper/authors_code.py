@@ -1,10 +1,10 @@
-"""SDecGMCA against what its authors' public code gives: step by step on a small problem, and as an ensemble.
+"""Compare SDecGMCA with its authors' public code: step by step on a small problem, and as an ensemble.
 
-The problem and the numbers of the code of Carloni Gertosio & Bobin (2021) lie in a file of arrays
-(``tests/data/sdecgmca_small.npz``): 16 channels, l <= 64, nside 32, 4 sources, beams three times MeerKAT's
-width. The ensemble (``tests/data/authors_ensemble.json``) are runs of that code on the sky of the preset ci
-and some on that of laptop, seed 2025, whose starts differ by 1e-10; the experiment `authors` measures the
-same quantities of himap's.
+The problem and the results of the code of Carloni Gertosio & Bobin (2021) are in a file of arrays
+(``tests/data/sdecgmca_small.npz``): 16 channels, l <= 64, nside 32, 4 sources, beams three times as wide as
+MeerKAT's. The ensemble (``tests/data/authors_ensemble.json``) holds runs of that code on the sky of the
+preset ci, and some on that of laptop, seed 2025, whose starts differ by 1e-10; the experiment `authors`
+measures the same quantities with himap.
 """
 
 import itertools
@@ -30,10 +30,10 @@ VARIANTS = {
 """{variant of the code that was run: options of `SDecGMCA` in addition to the reading "code"}."""
 
 ITERATIONS = (1, 2, 3, 5, 10)
-"""After which A is compared."""
+"""Iterations after which A is compared."""
 
 CHANGE = 1e-12
-"""Relative change of the first A, which tells what rounding alone does."""
+"""Relative change of the first A, which shows the effect of rounding alone."""
 
 _NSIDE = 32
 _COMMON = {"n_sources": 4, "regularisation": 0.01, "share": 0.7, "reading": "code", "pixels": "healpix"}
@@ -41,13 +41,13 @@ _COMMON = {"n_sources": 4, "regularisation": 0.01, "share": 0.7, "reading": "cod
 
 @dataclass(frozen=True, kw_only=True)
 class AuthorsCode:
-    """The small problem and the numbers of that code, {name: array}."""
+    """The small problem and the results of that code, {name: array}."""
 
     arrays: dict
 
     @classmethod
     def read(cls, path):
-        """From the file; InputError if there is none, or for another one."""
+        """Read the file; InputError if there is none, or it is another one."""
         try:
             arrays = dict(np.load(Path(path)))
             if missing := {"alms", "beams", "noise"} - set(arrays):
@@ -60,7 +60,7 @@ class AuthorsCode:
         return cls(arrays=arrays)
 
     def method(self, variant, **options):
-        """The `SDecGMCA` that is to give the numbers of a variant."""
+        """The `SDecGMCA` that should reproduce a variant."""
         return SDecGMCA(**_COMMON | VARIANTS[variant] | options)
 
     def problem(self, floor=1e-9):
@@ -89,9 +89,9 @@ class AuthorsCode:
         return [step.mixing for step in itertools.islice(steps, n_iterations - done)]
 
     def compared(self, variant):
-        """How far A is from that of the code, from its own start, after each of `ITERATIONS`.
+        """Differences of A from that of the code, from its own start, after each of `ITERATIONS`.
 
-        Two lists: the largest difference of A; and the one that a change of the start by `CHANGE` makes.
+        Two lists: the largest difference of A; and the one due to a change of the start by `CHANGE`.
         """
         method, start = self.method(variant), self.mixing(variant, 0)
         change = 1 + CHANGE * np.random.default_rng(0).standard_normal(start.shape)
@@ -103,11 +103,11 @@ class AuthorsCode:
 
 
 def read_authors_ensemble(path):
-    """What the authors' code gives from many starts, a DataFrame with a row for each number.
+    """Results of the authors' code from many starts, a DataFrame with a row for each number.
 
     Columns are "preset", "galaxy", "thresholds", "sign", "alms" (whose harmonic coefficients), "restart", and
-    "quantity", "x", "value": x is the iteration, or of what follows from the last S its floor. InputError if
-    there is no such file, or for another one.
+    "quantity", "x", "value": x is the iteration, or the floor for results of the last S. InputError if there
+    is no such file, or it is another one.
     """
     try:
         stored = json.loads(Path(path).read_text())
@@ -128,5 +128,5 @@ def read_authors_ensemble(path):
 
 
 def difference(one, two):
-    """Largest difference of two mixing matrices, whose columns may differ in sign."""
+    """Largest difference between two mixing matrices, ignoring signs of columns."""
     return float(np.abs(one * np.sign(np.sum(one * two, axis=0)) - two).max())

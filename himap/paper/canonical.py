@@ -1,17 +1,17 @@
-"""Small calls of every product, method and beam: `himap verify` compares what they give with what is stored.
+"""Small calls of every product, method and beam: `himap verify` compares their results with stored ones.
 
-They are made at nside 16, with 24 channels and a box of 16 cells; what has a branch by resolution is called
-at nside 64 too. Methods and beams that are not named here have their default parameters. Of SDecGMCA there is
-one iteration of each kind, for beyond a few its numbers are chaotic. No call runs:
+They use nside 16, 24 channels and a box of 16 cells; code with a branch for resolution is also called at
+nside 64. Methods and beams that are not listed here have their default parameters. SDecGMCA runs one
+iteration of each kind, because its numbers are chaotic after a few. No call covers:
 
 - skies of templates and of PySM, whose files are not shipped, and small scales beyond a template's;
 - HI of a smoothed density;
-- readings of SDecGMCA but the default, its noise by channels, and thresholds on HEALPix pixels;
-- GNILC with a prior, contrasts of FastICA and penalties of GMCA but the default;
-- readings of the ripple and of Degraded's noise but the default, b_l in a file;
-- mocks of another bias, a region of one cap, what comes in blocks because it is large.
+- readings of SDecGMCA except the default, its noise by channels, and thresholds on HEALPix pixels;
+- GNILC with a prior, contrasts of FastICA and penalties of GMCA except the default;
+- readings of the ripple and of Degraded's noise except the default, b_l in a file;
+- mocks of another bias, a region of one cap, data processed in blocks because they are large.
 
-Code there counts as equal where all else gives equal numbers: who changes it measures it in another way.
+Such code counts as equal if all other code gives equal numbers: check changes of it in another way.
 """
 
 import tempfile
@@ -50,7 +50,7 @@ CASE = pipeline.Case(survey=SURVEY, galaxy=Galaxy(source="synthetic"), beam=beam
 SMOOTHED = replace(CASE, beam=beams.Degraded())
 FINE_CASE = replace(CASE, survey=FINE)
 TAPERED = replace(CASE, survey=replace(SURVEY, taper="hann"))
-RIPPLE_CASE = replace(CASE, survey=replace(SURVEY, n_channels=64))  # its k hold the ripple
+RIPPLE_CASE = replace(CASE, survey=replace(SURVEY, n_channels=64))  # its k include the ripple
 REGION = masked.Region(latitude=20.0)
 PLAIN = removal.PCA(n_sources=3)
 AWARE = removal.BeamSubspace(n_sources=3, lmax=32)
@@ -138,7 +138,7 @@ _CHOSEN_METHODS = (
     removal.GMCA(n_sources=3, n_scales=3),
     AWARE,
     removal.SDecGMCA(**ONCE),
-    # Bounds in which its search ends alike everywhere.
+    # With these bounds its search ends in the same way on all machines.
     removal.GaussianProcess(shortest=400.0, longest_hi=2.0),
 )
 
@@ -149,23 +149,23 @@ def _call_of(product, arguments, shown=None):
 
 
 def _separated(separation):
-    """What is subtracted, and the size of its spectra: the signs of eigenvectors are arbitrary."""
+    """The foreground, and the size of its spectra; the signs of eigenvectors are arbitrary."""
     return separation.foreground.cube(), np.abs(separation.mixing), separation.lmax
 
 
 def _assessed(assessment):
-    """Spectra of the residual, at the level of HI; of an iteration neither its length nor its diagnostics."""
+    """Spectra of the residual, at the level of HI; without length and diagnostics of an iteration."""
     return replace(assessment, mixing=np.abs(assessment.mixing), n_iterations=0, diagnostics=None)
 
 
 def _spectra_of_member(numbers):
-    """Without the condition number and the changes of an iteration that does not converge."""
+    """Omit the condition number and the changes of an iteration that does not converge."""
     iterated = ("condition", "change", "converged")
     return {name: list(values.values()) for name, values in numbers.items() if name not in iterated}
 
 
 def _columns_of(rows):
-    """{column: array} of the rows of an experiment, of numbers or of text; sentences are not kept."""
+    """{column: array} of the rows of an experiment, numbers or text; sentences are omitted."""
     columns = {name: [row[name] for row in rows] for name in rows[0] if name != "sentence"}
     return {
         name: np.array(values, dtype=float if any(isinstance(one, float) for one in values) else str)
@@ -204,7 +204,7 @@ def _skies_of(experiment, parameters):
 
 
 def further_codes(tree):
-    """{name: digest} of what else the records of the experiments depend on, their skies, in a `CodeTree`."""
+    """{name: digest} of further dependencies of the experiments' records, their skies, in a `CodeTree`."""
     return {f"skies_{name}": measuring_code(name, tree)["code"] for name in EXPERIMENTS}
 
 
@@ -235,5 +235,5 @@ RTOLS |= (
     | {one.measure.name: 3e-3 for one in _EXPERIMENTS}
     | {"measured_transfer": 1.5e-2}
 )
-"""Where two machines agree to less than others: some three times what two processors differ by in the rest of
-a bright foreground in single precision, and where a search ends."""
+"""Products on which machines agree less closely: about three times the difference between two processors in
+the faint part of a bright foreground in single precision, and where a search ends."""

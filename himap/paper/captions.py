@@ -1,4 +1,4 @@
-"""What captions and prose say of the paper's SDecGMCA, wherever a result of it is shown."""
+"""Descriptions of the paper's SDecGMCA in captions and prose."""
 
 from himap.measures.diagnostics import FAILING
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
@@ -7,10 +7,11 @@ _FEW = 3  # departures from the text that a caption can list
 
 
 def of_sdecgmca(method, nside):
-    """Which reading of the paper an `SDecGMCA` is, what in it the text does not have, and where it ends.
+    """State the reading of an `SDecGMCA`, how it departs from the paper's text, and where it ends.
 
-    A sentence without its full stop. Choices on which the text is silent are named where they are not as the
-    letter has them. `nside` is that of the maps, which hold multipoles up to 2 nside well.
+    A sentence without its full stop. Choices on which the text is silent are listed if they differ from the
+    letter. `nside` is that of the maps, which represent multipoles well up to 2 nside.
+
     """
 
     def say(name, value):
@@ -32,7 +33,7 @@ def of_sdecgmca(method, nside):
 def in_short(method, nside, n_restarts=1):
     """`of_sdecgmca` for a caption: choices by name, as in `OPTIONS`, and where it ends.
 
-    For several restarts, how they are drawn too.
+    For several restarts, it also says how they are drawn.
     """
     against, silent = _departures(method, lambda name, value: f"{name} = {value}")
     text = f"the text except for {_few(against)}" if against else "the text"
@@ -57,5 +58,5 @@ def _departures(method, words):
 
 
 def _few(choices):
-    """One after the other, or how many where a caption cannot list them."""
+    """List the choices, or their number if a caption cannot list them."""
     return ", ".join(choices) if len(choices) <= _FEW else f"{len(choices)} choices"

@@ -13,14 +13,14 @@ from himap.removal.covariance import channel_covariance
 from himap.store.store import product
 
 SETTLED = 0.03
-"""Relative change of a band of a corrected spectrum with one source more, below which it is settled."""
+"""Relative change of a band of a corrected spectrum with one more source, below which it is settled."""
 
 
 @product
 def eigenvalues(case, aware=False):
-    """Of the channel covariance of the peak-masked maps, (n_channels,) descending, mK^2.
+    """Eigenvalues of the channel covariance of the peak-masked maps, (n_channels,) descending, mK^2.
 
-    For an `aware` method those of the maps at the resolution of the worst channel, to l = 2 nside.
+    For an `aware` method, of the maps at the resolution of the worst channel, up to l = 2 nside.
     """
     if not aware:
         return np.linalg.eigvalsh(channel_covariance(pipeline.basis(case, True)))[::-1]
@@ -30,25 +30,25 @@ def eigenvalues(case, aware=False):
 
 @product
 def minka(case):
-    """The number of principal components that has most evidence (Minka 2000), scikit-learn's."""
+    """The number of principal components with the highest evidence (Minka 2000), from scikit-learn."""
     lines = pipeline.basis(case, True).T.astype(float)
     return int(SklearnPCA(n_components="mle", svd_solver="covariance_eigh").fit(lines).n_components_)
 
 
 def source_number_criteria(case, removers, mocks):
-    """What is known of each number of sources of a method, `removers`, ascending by one.
+    """Criteria for each number of sources of a method, `removers`, ascending by one.
 
-    A DataFrame whose index is the number. Columns: "bic" and "aic" (`n_sources.information`); "change" and
-    "corrected_change" to the next number (`n_sources.changes`), of C_l and P(k), and of their bands over the
-    transfer function, NaN of the last; "error" and "corrected_error", how far the worst band is from the
-    truth, as it is and over the transfer function.
+    A DataFrame indexed by the number. Columns: "bic" and "aic" (`n_sources.information`); "change" and
+    "corrected_change" to the next number (`n_sources.changes`), of C_l and P(k), and of their bands divided
+    by the transfer function, NaN for the last; "error" and "corrected_error", the deviation of the worst band
+    from the truth, as it is and divided by the transfer function.
     """
     counts = np.array([remover.n_sources for remover in removers])
     own = [own_recovery(case, remover) for remover in removers]
     transfers = transfer_functions(case, removers, mocks)
 
     def in_bands(several):
-        """Means of C_l and P(k), or of the same over mocks, in the judged bands, (n, n_bands)."""
+        """Means of C_l and P(k), or of these over mocks, in the judged bands, (n, n_bands)."""
         rows = []
         for spectra in several:
             known = {kind: getattr(spectra, kind) for kind in ("angular", "frequency")}
@@ -70,9 +70,9 @@ def source_number_criteria(case, removers, mocks):
 
 
 def recommended(criteria, values):
-    """{criterion: number of sources, or None}, of all but "minka"; none of them knows the truth.
+    """{criterion: number of sources, or None}, for all except "minka"; none of them knows the truth.
 
-    Arguments are what `source_number_criteria` and `eigenvalues` give.
+    Arguments are the results of `source_number_criteria` and `eigenvalues`.
     """
     counts = criteria.index
     return {

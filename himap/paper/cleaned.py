@@ -1,7 +1,7 @@
-"""What methods make of observations, as products: what they find, what it is worth, and spectra of it.
+"""Results of methods on observations, as products: separations, their quality, and spectra.
 
-Cubes are made only where they are asked for (`residual`): what a method takes is a few spectra times maps,
-and what is measured follows from these.
+Cubes are made only on request (`residual`): a method subtracts a few spectra times maps, and measurements
+follow from these.
 """
 
 from dataclasses import replace
@@ -34,15 +34,15 @@ from himap.store.store import product, temporary
 
 
 def cleaning(case, remover, mask_peaks=True):
-    """The `Cleaning` of a case by `remover`, from the products that there are; what it finds is not kept.
+    """The `Cleaning` of a case by `remover`, from existing products; its results are not stored.
 
-    With `mask_peaks` the foreground is found in the peak-masked maps, as in `pipeline.basis`.
+    With `mask_peaks` the foreground is estimated in the peak-masked maps, as in `pipeline.basis`.
     """
     data = data_of(case, pipeline.observation(case).maps, seed=case.survey.rng(f"removal {remover.name}"))
     basis = replace(data, maps=pipeline.basis(case, mask_peaks)) if mask_peaks else data
     basis.known["covariance"] = lambda: pipeline.covariance(case, mask_peaks)
     basis.known["modes"] = lambda: pipeline.analysis(case, mask_peaks)
-    if hasattr(remover, "iteration"):  # named by no class, or an edit of that would make all stale
+    if hasattr(remover, "iteration"):  # not by class, as an edit of the class would make all products stale
         key = basis.key_of(remover.iteration)
         basis.known[key] = lambda: fit(case, remover.iteration, mask_peaks)
     spread = mask_peaks if isinstance(mask_peaks, str) else "line"
@@ -50,7 +50,7 @@ def cleaning(case, remover, mask_peaks=True):
 
 
 def data_of(case, maps, seed=None):
-    """Maps of a case, (n_channels, n_pix), as the `Data` of its instrument."""
+    """Maps of a case, (n_channels, n_pix), as `Data` with its instrument."""
     observed = pipeline.observation(case)
     return Data(
         maps=maps, freqs=observed.freqs, beams=observed.beams, noise=noise_sigma(case.survey), seed=seed
@@ -59,26 +59,26 @@ def data_of(case, maps, seed=None):
 
 @product
 def fit(case, remover, mask_peaks=True):
-    """The last `Step` of a case by an `SDecGMCA.iteration`, which readings of its last S share."""
+    """The last `Step` of an `SDecGMCA.iteration` on a case, shared by readings that differ in the last S."""
     data = cleaning(case, remover, mask_peaks).basis
-    del data.known[data.key_of(remover)]  # which is this product
+    del data.known[data.key_of(remover)]  # that is this product
     with threadpool_limits(1, user_api="blas"):
         return remover.fit(data)
 
 
 @product
 def separation(case, remover, mask_peaks=True):
-    """The `Separation` that `remover`, a `ForegroundRemover` such as PCA(n_sources=3), makes of a case.
+    """The `Separation` of a case by `remover`, a `ForegroundRemover` such as PCA(n_sources=3).
 
-    With `mask_peaks` the foreground is found in the peak-masked maps; it is subtracted from those observed.
-    The method comes as an object, not by name, so that its result depends on the code of that method alone.
+    With `mask_peaks` the foreground is estimated in the peak-masked maps; it is subtracted from the observed
+    ones. The method is an object, not a name, so that the result depends only on the code of that method.
     """
     remover.check(case.survey.n_channels)
     return cleaning(case, remover, mask_peaks).separation
 
 
 def ensemble(calls):
-    """The `Ensemble` of arguments of `separation` that differ in the restart of their method."""
+    """The `Ensemble` of calls of `separation` that differ in the restart of their method."""
     first, members = cleaning(*calls[0]), []
     for call in calls:
         members.append(first.with_method(call[1]))
@@ -87,29 +87,29 @@ def ensemble(calls):
 
 
 def residual(case, remover, mask_peaks=True, channels=slice(None)):
-    """The cube that `remover` leaves, mK, (n_channels, n_pix) float32, or some of its channels; not kept."""
+    """The residual cube of `remover`, mK, (n_channels, n_pix) float32, or some channels; not stored."""
     found, known = separation(case, remover, mask_peaks), cleaning(case, remover, mask_peaks)
     return found.residual(known.data.maps, known.basis, channels)
 
 
 def error(case, remover, mask_peaks=True):
-    """What `remover` leaves more than the truth, a `LowRankCube` less its channel means; not kept.
+    """Residual of `remover` minus truth, a `LowRankCube` less its channel means; not stored.
 
-    An observation is the truth and the foreground, so this is the foreground less that which was found. Where
-    the method ends at some l, it is that of the residual up to there against the truth up to there.
+    An observation is truth plus foreground, so this is the foreground minus its estimate. If the method ends
+    at some l, both residual and truth are limited to that l.
     """
     return error_of(case, separation(case, remover, mask_peaks), mask_peaks)
 
 
 def error_of(case, separation, mask_peaks=True):
-    """The same of any `Separation` of a case."""
+    """The same for any `Separation` of a case."""
     endless = separation.lmax is None
     there = pipeline.foreground_seen(case) if endless else pipeline.foreground_analysed(case, mask_peaks)
     return difference(case, on_sky(there, case.survey.nside, separation.lmax), separation.foreground)
 
 
 def difference(case, one, other):
-    """One `LowRankCube` less another, without the terms that no spectrum of the case shows."""
+    """One `LowRankCube` minus another, without terms too faint for the spectra of the case."""
     return (one + -other).truncate(FAINT * float(pipeline.true_spectra(case).angular.variance.sum()))
 
 
@@ -117,9 +117,9 @@ def difference(case, one, other):
 def assessment(case, remover, mask_peaks=True):
     """The `Assessment` of the residual of a case, separated as in `separation`, against the truth.
 
-    No cube but the truth is there for it: all follows from the error, which is a few spectra times maps. A
-    method that ends at some l is compared with the truth at every l all the same, and lacks what is beyond:
-    its `cut_truth` is a second measure.
+    Only the cube of the truth is needed: everything follows from the error, a few spectra times maps. A
+    method that ends at some l is nevertheless compared with the truth at every l, and lacks all beyond: its
+    `cut_truth` is a second measure.
     """
     found = separation(case, remover, mask_peaks)
     wrong, lmax, width = error_of(case, found, mask_peaks), found.lmax, case.survey.channel_width
@@ -149,7 +149,7 @@ def assessment(case, remover, mask_peaks=True):
 
 @product
 def post_masked(case, remover, mask_peaks=True):
-    """`PowerSpectra` of residual and truth without the lines of sight whose error stands out, a pair.
+    """`PowerSpectra` of residual and truth without lines of sight with exceptional errors, a pair.
 
     These are the `flagged_lines` of its `assessment` (paper, Sect. 5.1).
     """
@@ -174,9 +174,9 @@ def post_masked(case, remover, mask_peaks=True):
 
 
 def _against_all(low, wrong, truth):
-    """Errors of lines of sight and correlations of a residual that ends, with what the truth has beyond.
+    """Errors of lines of sight and correlations of a residual that ends at some l, against the full truth.
 
-    That is an error which is not of low rank, so a channel of the residual is made at a time.
+    The full error is not of low rank, so one channel of the residual is computed at a time.
     """
     errors, correlation = np.zeros(truth.shape[1]), np.empty(len(truth))
     for n, (row, spectrum, true) in enumerate(zip(low, wrong.spectra, truth, strict=True)):
@@ -187,10 +187,10 @@ def _against_all(low, wrong, truth):
 
 
 def compared(*call, masked=False, average="means"):
-    """The `Comparison` of the residual with the truth, of arguments of `assessment`.
+    """The `Comparison` of the residual with the truth, for arguments of `assessment`.
 
-    With `masked`, without the lines of sight whose error stands out, in the residual and in the truth.
-    `average` as of `Comparison.of`.
+    With `masked`, lines of sight with exceptional errors are excluded from the residual and from the truth.
+    `average` is as in `Comparison.of`.
     """
     case, *_ = call
     pair = post_masked(*call) if masked else (assessment(*call).power_spectra, pipeline.true_spectra(case))
@@ -198,10 +198,10 @@ def compared(*call, masked=False, average="means"):
 
 
 def make(work):
-    """Make what is missing of products, [(product, arguments)], several at a time.
+    """Compute missing products, [(product, arguments)], several at a time.
 
-    They are begun in this order. The first argument is a `pipeline.Case`, or the `Survey` of a sky.
-    InputError if it will not fit into memory, or what the products refuse.
+    They start in this order. The first argument is a `pipeline.Case`, or the `Survey` of a sky. InputError if
+    they do not fit into memory, or if a product refuses its input.
     """
     missing = [(wanted, call) for wanted, call in work if not wanted.is_cached(*call)]
     cases = dict.fromkeys(call[0] for _, call in missing if isinstance(call[0], pipeline.Case))
@@ -215,16 +215,16 @@ def make(work):
 
 
 def make_hi(skies):
-    """Make the coefficients of HI of some `Survey.sky`, as many at once as the memory holds light cones."""
+    """Compute the coefficients of HI of some `Survey.sky`, as many at once as fit into memory."""
     if skies := dict.fromkeys(skies):
         at_once = fitting(next(iter(skies)), "HI light cone")
         make_all([(pipeline.hi_alms_of_sky, (sky,)) for sky in skies], "HI", at_once=at_once)
 
 
 def make_by_case(work):
-    """`make`, but observations and separations that were made for it do not stay.
+    """Like `make`, but observations and separations computed for it are deleted afterwards.
 
-    One case is done after the other, so that a disk holds no more than one; a Dask cluster gets all at once.
+    Cases are computed one after the other, so the disk holds only one; a Dask cluster gets all at once.
     """
     skies = {}
     for wanted, call in work:

@@ -1,4 +1,4 @@
-"""SDecGMCA as an ensemble: how a change of its start grows, how it is distributed, and how often it fails.
+"""SDecGMCA as an ensemble: growth of a change of its start, its distribution, and how often it fails.
 
 Tables are those of the experiments `authors` and `restarts`.
 """
@@ -16,7 +16,7 @@ from himap.paper.claims.entries import wilson
 from himap.paper.experiments.authors import first_mixings, growth, of_code, rows_of
 
 _BLOCK = 1000  # permutations at a time
-_ROUNDING = 1e-9  # relative, of sums in another order
+_ROUNDING = 1e-9  # relative rounding of sums in another order
 _NO_K = {"share": 1.0, "n_warmup": 1}
 
 VARIANTS = {
@@ -35,16 +35,16 @@ VARIANTS = {
 coefficients above the noise are kept, from the first iteration."""
 
 MEASURES = ("C/C0, 2 to 9", "C/C0, 10 to 64", "P/P0, k < 0.03", "P/P0, 0.03 to 0.1", "bump", "flagged")
-"""Quantities of the last S in which two ensembles are compared."""
+"""Quantities of the last S that are compared between two ensembles."""
 
 _RUN = ["reading", "case", "n_sources"]
 
 
 def variant_growth(case, options, n_restarts, **common):
-    """Angles and condition numbers of a variant on a `pipeline.Case`, rows as of the experiment `authors`.
+    """Angles and condition numbers of a variant on a `pipeline.Case`, rows as in the experiment `authors`.
 
-    `options` are as in `VARIANTS`, and `common` those of all variants; the plain start, which the angles are
-    from, is one of the `n_restarts`.
+    `options` are as in `VARIANTS`, and `common` those of all variants; the plain start, relative to which
+    angles are measured, is one of the `n_restarts`.
     """
     plain, *others = (
         first_mixings(case, of_code(case.beam, restart=k, **common | options, tolerance=0.0))
@@ -55,7 +55,7 @@ def variant_growth(case, options, n_restarts, **common):
 
 
 def first_kept(case, options):
-    """Share of the starlet coefficients of each source that the first thresholds of a variant keep."""
+    """Share of the starlet coefficients of each source kept by the first thresholds of a variant."""
     method = of_code(case.beam, **options)
     mixture, scales, start = method.problem(cleaned.cleaning(case, method).basis)
     inverses = mixture.inverses(start, mixture.epsilon_of_matrices(start, method.regularisation))
@@ -71,18 +71,18 @@ def curves(rows, quantity):
 
 
 def samples(rows, floor):
-    """Values at one floor of the last S, and the last condition number of A, (n_members, n)."""
+    """Values for one floor of the last S, and the last condition number of A, (n_members, n)."""
     columns = [curves(rows, name)[floor] for name in MEASURES]
     return np.column_stack([*columns, curves(rows, "condition").iloc[:, -1]])
 
 
 def compare_samples(one, two, *, n_permutations=9999):
-    """Two-sample Kolmogorov-Smirnov tests of several quantities of the same members, by permutations.
+    """Two-sample Kolmogorov-Smirnov tests of several quantities of the same members, by permutation.
 
-    All quantities of a member are permuted together, so that the last p, of the mean distance, allows for
-    every quantity, however they depend on each other. p is valid for any number of permutations, and at least
-    1 / (n_permutations + 1). Samples are (n_members, n_quantities), of as many members or others; InputError
-    for other shapes, or a value that is not finite.
+    All quantities of a member are permuted together, so the last p, of the mean distance, accounts for all
+    quantities and any dependence between them. p is valid for any number of permutations, and at least 1 /
+    (n_permutations + 1). Samples are (n_members, n_quantities); their n_members may differ. InputError for
+    other shapes, or a value that is not finite.
 
     Returns
     -------
@@ -112,20 +112,20 @@ def compare_samples(one, two, *, n_permutations=9999):
 
 
 def _largest_differences(one, two, axis=-1):
-    """Of the distribution functions of two samples, the largest difference, (..., n_members) to (...)."""
+    """Largest difference of the distribution functions of two samples, (..., n_members) to (...)."""
     pooled = np.concatenate([one, two], axis=-1)
     order = np.argsort(pooled, axis=-1, kind="stable")
     ordered = np.take_along_axis(pooled, order, axis=-1)
-    last = np.diff(ordered, axis=-1, append=np.inf) > 0  # of equal values
+    last = np.diff(ordered, axis=-1, append=np.inf) > 0  # the last of equal values
     steps = np.where(order < one.shape[-1], 1 / one.shape[-1], -1 / two.shape[-1])
     return np.max(np.abs(np.cumsum(steps, axis=-1)) * last, axis=-1)
 
 
 def failures(rows):
-    """How often SDecGMCA fails, a DataFrame with a row for each reading, case and number of sources.
+    """Failure rates of SDecGMCA, a DataFrame with a row for each reading, case and number of sources.
 
-    `rows` are of the experiment `restarts`. Further columns: "failed", "members", and "low" and "high", the
-    Wilson interval of the probability, two sigma.
+    `rows` are from the experiment `restarts`. Further columns: "failed", "members", and "low" and "high", the
+    two-sigma Wilson interval of the probability.
     """
     errors = rows[rows["quantity"] == "mean error"]
     runs = errors.assign(failed=~(errors["value"] <= FAILING)).groupby(_RUN, sort=False)
@@ -135,6 +135,6 @@ def failures(rows):
 
 
 def any_within(values, stored):
-    """Whether one value at least is within the range of stored ones, widened by half, of logarithms."""
+    """Whether any value is in the range of the stored ones, widened by half of it, in logarithms."""
     low, high = np.log([np.min(stored), np.max(stored)])
     return bool(np.any(np.abs(np.log(values) - (low + high) / 2) <= 0.75 * (high - low)))

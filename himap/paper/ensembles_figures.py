@@ -1,4 +1,4 @@
-"""Figures of SDecGMCA as an ensemble: tables are those of `himap.paper.ensembles`."""
+"""Figures of SDecGMCA as an ensemble, from tables of `himap.paper.ensembles`."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ _TITLES = {
 
 
 def growth_figure(ensembles):
-    """How far A is from that of the plain start, by iteration: a panel for each of {title: rows}.
+    """Distance of A from that of the plain start, by iteration: a panel for each of {title: rows}.
 
     Thin lines are restarts, the thick one is their median.
     """
@@ -44,9 +44,9 @@ def variants_figure(variants):
 
 
 def _panel(quantity, variants, looks):
-    """A quantity by iteration: members as a bundle, and their medians."""
+    """A quantity by iteration: members as a bundle, and medians."""
     thin = {"color": looks[0]["color"], "linewidth": 1, "label": "restarts"}
-    bundles, medians = [], [([], [], thin)]  # one for the legend
+    bundles, medians = [], [([], [], thin)]  # one entry for the legend
     for (name, rows), look in zip(variants.items(), looks, strict=True):
         table = curves(rows, quantity)
         x = table.columns.to_numpy()
@@ -57,10 +57,10 @@ def _panel(quantity, variants, looks):
 
 
 def distributions_figure(ensembles, floors):
-    """Distribution functions of what follows from the last S, and of the last condition number.
+    """Distribution functions of results of the last S, and of the last condition number.
 
-    `ensembles` are {label: rows}, the first with solid lines, the second with dashed ones; `floors` {floor of
-    the last S: what it is called}.
+    `ensembles` are {label: rows}, the first with solid lines, the second with dashed ones; `floors` are
+    {floor of the last S: its label}.
     """
     panels = []
     for quantity in (*MEASURES, "condition"):

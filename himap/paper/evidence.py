@@ -1,4 +1,4 @@
-"""Facts on sky, noise, peaks and errors that claims are judged on: small, made once from cubes, and kept."""
+"""Facts on sky, noise, peaks and errors by which claims are judged: small, computed once, and stored."""
 
 from dataclasses import replace
 
@@ -19,24 +19,24 @@ from himap.sky.emission import emission_maps, emission_modes
 from himap.store.store import product
 
 HIGH_LATITUDE = 30.0
-"""Galactic latitude from which it is high, deg."""
+"""Galactic latitude above which it is high, deg."""
 
 STANDING_OUT = ("HI", "noise", "foreground")
-"""What the peak of a line of sight can be made of, in the order of `masked_voxels`."""
+"""Possible main components of the peak of a line of sight, in the order of `masked_voxels`."""
 
 BRIGHTEST = (0.0, 0.01, 0.05, 0.1, 0.25)
-"""Shares of the lines of sight, those with the brightest foreground, that `peak_without_lines` leaves out."""
+"""Shares of the lines of sight with the brightest foreground that `peak_without_lines` excludes."""
 
 CONTROL = 0.1
-"""Share of the lines of sight with the faintest foreground that it leaves out in their place."""
+"""Share of the lines of sight with the faintest foreground that it excludes as a control."""
 
 
 @product
 def sky_brightness(survey, galaxy):
     """Root mean square brightness temperature before the beam, over channels and pixels, mK, (2, 2) float64.
 
-    Rows: all the sky, and |b| > 30 deg. Columns: all foregrounds together, and HI. Means are included.
-    `survey` is that of the sky, as `Survey.sky` gives it.
+    Rows: all sky, and |b| > 30 deg. Columns: all foregrounds together, and HI. Means are included.
+    `survey` is a `Survey.sky`.
     """
     components, hi = pipeline.components_of_sky(survey, galaxy), pipeline.hi_of_sky(survey)
     regions = slice(None), np.abs(sphere.pixel_latitude(survey.nside)) > HIGH_LATITUDE
@@ -49,13 +49,13 @@ def sky_brightness(survey, galaxy):
 
 @product
 def masked_voxels(case, spread=True):
-    """How many voxels of a `Case` the peak masking replaces, by what is the largest part there, (3,) int.
+    """Number of voxels of a `Case` replaced by peak masking, by the largest component there, (3,) int.
 
     `spread` is as in `pipeline.peak_masked`.
 
-    A baseline is linear in the maps, so the deviation from the first one (paper, App. B) is the sum of those
-    of HI, noise and foreground, each through the beam and less its baseline. A voxel belongs to the part that
-    contributes most; the order is that of `STANDING_OUT`.
+    A baseline is linear in the maps, so the deviation from the first one (paper, App. B) is the sum of the
+    deviations of HI, noise and foreground, each through the beam and less its baseline. A voxel is assigned
+    to the component that contributes most, in the order of `STANDING_OUT`.
     """
     observed, flagged = pipeline.observation(case), pipeline.peak_masked(case, spread).flagged
     lines = np.flatnonzero(flagged.any(axis=0))
@@ -66,7 +66,7 @@ def masked_voxels(case, spread=True):
         masked, hi, truth = (cube[:, pixels] for cube in (flagged, seen, observed.truth))
         out = np.empty((len(STANDING_OUT), np.count_nonzero(masked)))
         parts = hi, truth - hi, observed.maps[:, pixels] - truth
-        for part, row in zip(parts, out, strict=True):  # in float64, of one at a time
+        for part, row in zip(parts, out, strict=True):  # in float64, one at a time
             part = part.astype(np.float64)
             part -= basis @ (basis.T @ part)
             row[:] = part[masked]
@@ -78,7 +78,7 @@ def masked_voxels(case, spread=True):
 
 @product
 def noise_and_hi(case):
-    """`PowerSpectra` of the noise and of HI in the truth of a `Case`, a pair: each alone, as seen there."""
+    """`PowerSpectra` of the noise and of HI, a pair: each alone, as in the truth of a `Case`."""
     survey, windows = case.survey, case.beam.of_survey(case.survey)
     hi = pipeline.hi_seen(case)
     cubes = pipeline.truth(case) - hi, hi
@@ -96,10 +96,10 @@ def noise_and_hi(case):
 
 @product
 def spectra_without_sources(case, remover):
-    """`PowerSpectra` of the residual of a `Case` whose sky has no point sources; all else is the same.
+    """`PowerSpectra` of the residual of a `Case` without point sources; all else is the same.
 
-    Its peaks are masked anew. `remover` ends at no l, and draws no random numbers. If it refuses the maps, as
-    fits of positive brightness do where few pixels ring around a bright Galaxy, the reason in their place.
+    Its peaks are masked again. `remover` has no last l, and draws no random numbers. If it refuses the maps,
+    as fits of positive brightness do if pixels ring around a bright Galaxy, the reason is returned instead.
     """
     survey, components = case.survey, pipeline.components_of_sky(case.survey.sky, case.galaxy)
     spectra, maps = emission_modes([one for one in components if one.name != "point sources"], survey.freqs)
@@ -116,7 +116,7 @@ def spectra_without_sources(case, remover):
 def dimmed_spectra(case, remover, dimming):
     """`PowerSpectra` of the residual of a `Case` with its foreground under another `Dimming`.
 
-    All else is as in `spectra_with`.
+    Everything else is as in `spectra_with`.
     """
     return spectra_with(pipeline.foreground_seen(replace(case, dimming=dimming)), case, remover)
 
@@ -124,7 +124,7 @@ def dimmed_spectra(case, remover, dimming):
 def spectra_with(foreground, case, remover):
     """`PowerSpectra` of the residual of a `Case` with another foreground through the beam, `HarmonicModes`.
 
-    HI and noise are the same, and peaks are masked anew.
+    HI and noise are the same, and peaks are masked again.
     """
     survey, truth = case.survey, pipeline.truth(case)
     bright = on_sky(foreground, survey.nside)
@@ -139,21 +139,21 @@ def spectra_with(foreground, case, remover):
 
 @product
 def error_of_flagged_lines(case, remover, mask_peaks=True):
-    """What the error of a component method consists of on the lines of sight that it flags.
+    """Components of the error of a component method on the lines of sight that it flags.
 
     The foreground's spectra are those principal spectra of the true foreground through the beam that each
-    hold more variance than the truth does in all channels together. Arguments as of `cleaned.assessment`.
+    have more variance than the truth in all channels together. Arguments as in `cleaned.assessment`.
 
-    A dict with "n_spectra", how many these are, and mean squares over the flagged lines
+    Returns a dict with "n_spectra", their number, and mean squares over the flagged lines
     (`diagnostics.flagged_lines`) and channels, mK^2, 0 if there is none: "error"; "in spectra", its part in
-    these spectra; "foreground residual" and "signal loss" (`leakage.split_error`), whose difference the error
-    is; "truth" and "truth in spectra".
+    these spectra; "foreground residual" and "signal loss" (`leakage.split_error`), whose difference is the
+    error; "truth" and "truth in spectra".
     """
     lmax = cleaned.separation(case, remover, mask_peaks).lmax
     lines = diagnostics.flagged_lines(cleaned.assessment(case, remover, mask_peaks).line_errors)
     residual, loss = (part.lines(lines) for part in leakage.split_error(case, remover, mask_peaks))
     truth = _of_lines(pipeline.truth(case), lines)
-    if lmax is not None:  # what the truth has beyond is signal loss
+    if lmax is not None:  # the truth beyond is signal loss
         loss += truth - _of_lines(pipeline.truth(case, lmax), lines)
     variance = float(pipeline.true_spectra(case).angular.variance.sum())
     axes = on_sky(pipeline.foreground_seen(case), case.survey.nside).truncate(variance).spectra
@@ -180,7 +180,7 @@ def _of_lines(cube, lines):
 def peak_without_lines(case, remover, mask_peaks=True):
     """k above 0, 1/MHz, (n_k,), and P/P0 of a method without some lines of sight, (n_masks, n_k).
 
-    It is without each share of `BRIGHTEST`, and without the share `CONTROL` of the faintest. The brightness
+    The lines exclude each share of `BRIGHTEST`, and then the share `CONTROL` of the faintest. The brightness
     of a line is the mean over channels of the foreground through the beam; residual and truth have the same
     lines, less their means over these.
     """

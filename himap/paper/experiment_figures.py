@@ -1,6 +1,6 @@
 """Figures and tables of the experiments on transfer functions, beam errors and methods side by side.
 
-They take tables of the experiments, DataFrames of one sky or more.
+The input are tables of the experiments, DataFrames of one sky or more.
 """
 
 from itertools import cycle
@@ -14,18 +14,18 @@ from himap.paper.experiments.methods import METHOD, distances, middles
 
 _THIN = {"linewidth": 0.8}
 _PANELS = {"C/C0": "angular", "P/P0": "frequency"}
-_BAND_GAP = 0.15  # of the distance of two bands: between the points of two methods
+_BAND_GAP = 0.15  # between the points of two methods, in units of the distance of two bands
 _CLOSE = 0.01
-_REACH, _ROOM = 0.2, 0.02  # of an axis of power over that of the truth: least about 1, and beyond points
-_BANDS = (50, 16, 84)  # percentiles over skies: the line, and what is shaded
+_REACH, _ROOM = 0.2, 0.02  # of an axis of power ratios: smallest extent about 1, and margin beyond points
+_BANDS = (50, 16, 84)  # percentiles over skies: the line, and the shaded range
 _WIDTH = 9.3  # inches, of all columns
 
 
 def transfer_figure(tables):
     """Means over skies in each band, uncorrected and corrected by transfer functions.
 
-    Axes hold 1 by `_REACH` on either side and all that is corrected; uncorrected means may lie beyond.
-    `tables` is {title: table of `himap.paper.experiments.transfer`}; each has a panel for C_l and one for
+    Axes include 1 by `_REACH` on either side and all corrected values; uncorrected means may be outside.
+    `tables` are {title: table of `himap.paper.experiments.transfer`}; each has a panel for C_l and one for
     P(k).
     """
     panels = []
@@ -75,10 +75,10 @@ def _transfer_panel(table):
 
 
 def beam_errors_figure(table):
-    """Foreground residual by the error of the assumed beam: one panel for each kind, one curve a method.
+    """Foreground residual by the error of the assumed beam: one panel for each kind, one curve per method.
 
-    `table` is of `himap.paper.experiments.beam_errors`; other beams are left out. InputError for one without
-    errors.
+    `table` is from `himap.paper.experiments.beam_errors`; other beams are omitted. InputError for a table
+    without errors.
     """
     excess = worst_excess(table)
     tried = {kind: sorted({key[3] for key in excess if key[2] == kind and key[3]}) for kind in KINDS}
@@ -111,8 +111,8 @@ def methods_figure(tables, kind, *, corrected=False):
     """C/C0 or P/P0, median over skies and the range of 16 to 84 %; a panel for each table and beam.
 
     `tables` are {title: table of `himap.paper.experiments.methods`}, and `kind` is "angular" or "frequency".
-    If `corrected`, curves are those over the transfer function, of the methods that have one; InputError
-    where there are none.
+    If `corrected`, curves are divided by the transfer function, for methods that have one; InputError if none
+    has.
     """
     panels = []
     for title, table in tables.items():
@@ -151,7 +151,7 @@ def labels_of(table):
 
 
 def signed(value):
-    """A distance (`himap.paper.experiments.methods.distances`) as a text, in percent."""
+    """Format a distance (`himap.paper.experiments.methods.distances`) in percent."""
     if np.isnan(value):
         return "–"
     digits = 0 if abs(100 * value) >= 10 else 1
@@ -159,7 +159,7 @@ def signed(value):
 
 
 def methods_table(tables):
-    """(header, rows) of texts: the `distances` of each method through each beam, as it is and corrected."""
+    """(header, rows) of texts: the `distances` of each method with each beam, uncorrected and corrected."""
     labels, by_key = labels_of(tables[0]), distances(tables)
     beams = list(dict.fromkeys(beam for beam, *_ in labels))
     rows = []

@@ -1,4 +1,4 @@
-"""Grids of skies and methods that experiments run over, and the products that they measure on a sky."""
+"""Grids of skies and methods for experiments, and the products measured on each sky."""
 
 from dataclasses import dataclass, replace
 
@@ -19,10 +19,10 @@ from himap.store.store import temporary
 class Sky:
     """One sky of an experiment. InputError without a method."""
 
-    methods: dict  # {`pipeline.Case`: [method]}: the sky through each beam, and the methods that clean it
+    methods: dict  # {`pipeline.Case`: [method]}: the sky through each beam, and its methods
     mocks: tuple = ()  # of `himap.paper.mocks.Mock`, of other skies
-    corrected: tuple | None = None  # names of methods that are corrected by transfer functions; None for all
-    beams: dict | None = None  # {(kind, error): `Beam`} that methods assume, of the experiment `beam_errors`
+    corrected: tuple | None = None  # names of methods corrected by transfer functions; None for all
+    beams: dict | None = None  # {(kind, error): assumed `Beam`}, for the experiment `beam_errors`
 
     def __post_init__(self):
         if not all(self.methods.values()):
@@ -49,9 +49,9 @@ def cases_of(
     small_scales=True,
     n_realisations=20,
 ):
-    """A list of `pipeline.Case` that differ in their seed only: that of the survey, and those after it.
+    """A list of `pipeline.Case` that differ only in their seed: that of the survey, and the following ones.
 
-    `beam` is a `Beam`; the others are as in `himap.paper.study.Study`. Bad values raise InputError.
+    `beam` is a `Beam`; the others are as in `himap.paper.study.Study`. Invalid values raise InputError.
     """
     whole_number("n_realisations", n_realisations, 1, 1000)
     first = pipeline.Case(
@@ -72,11 +72,11 @@ def cases_and_methods(
     reading="default",
     **settings,
 ):
-    """Cases that differ in their seed only, and the methods that clean them, two lists.
+    """Cases that differ only in their seed, and the methods that clean them, two lists.
 
-    `ripple` is the reading of the oscillating beam, as of `beam_called`, and `reading` that of SDecGMCA.
-    Methods are pairs (name, number of sources), None for one that has no number. Settings, and what is
-    refused, are as of `cases_of`; so are a survey with a taper, and a reading without SDecGMCA.
+    `ripple` is the reading of the oscillating beam, as in `beam_called`, and `reading` that of SDecGMCA.
+    Methods are pairs (name, number of sources), None for a method without. Settings and errors are as in
+    `cases_of`; a survey with a taper and a reading without SDecGMCA are also refused.
     """
     selected = beam_called(beam, ripple=ripple, others=other_beams)
     cases, removers = cases_of(selected, **settings), []
@@ -98,9 +98,9 @@ def cases_and_methods(
 
 
 def skies_of(*observed, n_mocks=0, **attributes):
-    """A list of `Sky` from pairs (cases, methods), one for each beam, as of `cases_and_methods`.
+    """A list of `Sky` from pairs (cases, methods), one for each beam, as from `cases_and_methods`.
 
-    Each sky has so many mocks, of seeds that no sky has; `attributes` are others of `Sky`.
+    Each sky has `n_mocks` mocks, with seeds that no sky has; `attributes` are other attributes of `Sky`.
     """
     mocks = tuple(first_mocks(n_mocks, observed[0][0]))
     return [
@@ -114,11 +114,11 @@ def skies_of(*observed, n_mocks=0, **attributes):
 
 
 def make_products(work):
-    """Make products of cases; observations and separations that are made for it are deleted.
+    """Compute products of cases; delete observations and separations that are only computed for them.
 
-    `work` is [(product, arguments)], the first argument a `pipeline.Case`. What the cache holds is not made
-    again, and nothing is observed for it. Of each `Mock` among the arguments the coefficients of HI and noise
-    are made first, once for all, and stay; their maps do not.
+    `work` is [(product, arguments)], the first argument a `pipeline.Case`. Products in the cache are not
+    recomputed, and need no observation. Coefficients of HI and noise of each `Mock` among the arguments are
+    computed first, once for all, and kept; their maps are not.
     """
     surveys = {}
     for product, call in work:
@@ -132,7 +132,7 @@ def make_products(work):
 
 
 def measured_recoveries(sky):
-    """The recovery of the truth of a `Sky` by each method, and of its mocks by those that are corrected.
+    """The recovery of the truth of a `Sky` by each method, and of its mocks by methods that are corrected.
 
     Returns a list of (case, method, `MockPower` of the truth, `TransferFunction` or None).
     """
@@ -151,12 +151,12 @@ def measured_recoveries(sky):
 
 
 def method_columns(remover):
-    """{"method": name, "n_sources": number}, 0 of a method that has none."""
+    """{"method": name, "n_sources": number}, 0 for a method without."""
     return {"method": remover.name, "n_sources": getattr(remover, "n_sources", 0)}
 
 
 def band_rows(power, **spectra):
-    """A row for each band that a `MockPower` reaches, with the means of {column: {kind: values}} in it."""
+    """A row for each band reached by a `MockPower`, with the means of {column: {kind: values}} in it."""
     means = {name: power.band_means(values) for name, values in spectra.items()}
     return [
         {"band": band} | {name: float(mean[band]) for name, mean in means.items()}
@@ -165,7 +165,7 @@ def band_rows(power, **spectra):
 
 
 def with_labels(table):
-    """The same table, with the number of sources in what a method is called, not in a column of its own."""
+    """The same table, with the number of sources in the label of a method instead of a column."""
     numbers = table.get("n_sources", [0] * len(table))
     labels = [styles.numbered(*pair) for pair in zip(table["method"], numbers, strict=True)]
     return table.assign(method=labels).drop(columns="n_sources", errors="ignore")

@@ -1,6 +1,6 @@
-"""Foreground residual and signal loss of a method, each by itself, and the loss that a filter expects.
+"""Foreground residual and signal loss of a method, separately, and the loss that a filter expects.
 
-C/C0 near 1 is no proof that HI is kept: signal loss and foreground residual may cancel.
+C/C0 near 1 does not prove that HI is preserved: signal loss and foreground residual may cancel.
 """
 
 from functools import partial
@@ -19,15 +19,15 @@ from himap.store.store import product
 def split_error(case, remover, mask_peaks=True):
     """(foreground residual, HI lost) of a component method, two `LowRankCube`; their difference is the error.
 
-    Such a method subtracts a projection P of the maps, once its mixing matrix is known, so that the residual
-    of foreground F and truth T, whose peaks D were masked, is off by
+    Given its mixing matrix, such a method subtracts a projection P of the maps. The residual of foreground F
+    and truth T, whose peaks D were masked, therefore has the error
 
         residual - T = (F - P F) - P (T - D).
 
-    P is on the columns of A, or for a method that knows the beam, on diag(H_l) A at every l; of a filter it
-    is the filter. What an epsilon of its inversion keeps back is on the side of the foreground. Of a method
-    that ends at some l, all is up to that l. Arguments as of `cleaned.separation`, of a method with a number
-    of sources.
+    P is on the columns of A, or, for a method that knows the beam, on diag(H_l) A at every l; for a filter it
+    is the filter. The part held back by an epsilon of its inversion counts as foreground. For a method that
+    ends at some l, all parts end there. Arguments are those of `cleaned.separation`, for a method with a
+    number of sources.
     """
     found = cleaned.separation(case, remover, mask_peaks)
     signal = case, mask_peaks, found.lmax
@@ -50,7 +50,7 @@ def error_parts(case, remover, mask_peaks=True):
     """Mean squares of the error of a component method and of its two parts, mK^2, by channel.
 
     {"foreground residual", "signal loss" or "error": {"flagged", "others" or "all": (n_channels,)}}: on the
-    lines of sight of `flagged_lines`, on the others and on all. Arguments as of `split_error`.
+    lines of sight of `flagged_lines`, on the others and on all. Arguments as in `split_error`.
     """
     flagged = flagged_lines(cleaned.assessment(case, remover, mask_peaks).line_errors)
     residual, hi_lost = split_error(case, remover, mask_peaks)
@@ -62,7 +62,7 @@ def error_parts(case, remover, mask_peaks=True):
     products["others"] = products["all"] - products["flagged"]
     n_lines = {"flagged": flagged.sum(), "others": np.sum(~flagged), "all": len(flagged)}
     n_spectra = residual.spectra.shape[1]
-    of_error = np.arange(n_spectra) < n_spectra - hi_lost.spectra.shape[1]  # the others are of the loss
+    of_error = np.arange(n_spectra) < n_spectra - hi_lost.spectra.shape[1]  # the others belong to the loss
     parts = {"foreground residual": 1, "signal loss": ~of_error, "error": of_error}
     spectra = {name: residual.spectra * columns for name, columns in parts.items()}
     return {
@@ -73,11 +73,11 @@ def error_parts(case, remover, mask_peaks=True):
 
 @product(name="parts")
 def decompose(case, remover, mask_peaks=True):
-    """{part: `HarmonicPower`} of what a component method makes of an observation, up to where it ends.
+    """{part: `HarmonicPower`} of the result of a component method on an observation, up to its last l.
 
     Parts are "truth", HI and noise through the beam; "recovered", the residual of the observation; "kept", HI
-    and noise less what is subtracted of them; "left", the foreground residual; and "shared", what the first
-    two have in common. Arguments as of `split_error`.
+    and noise less the subtracted part; "left", the foreground residual; and "shared", the cross power of the
+    first two. Arguments as in `split_error`.
     """
     residual, hi_lost = split_error(case, remover, mask_peaks)
     alms = pipeline.truth_alms(case, cleaned.separation(case, remover, mask_peaks).lmax)
@@ -90,7 +90,7 @@ def decompose(case, remover, mask_peaks=True):
 
 
 def ratios(parts, kind):
-    """All parts of `decompose` over the truth, {part: (n,)}; 0 where there is no truth.
+    """All parts of `decompose` divided by the truth, {part: (n,)}; 0 where there is no truth.
 
     `kind` is "angular", by l, or "frequency", by k.
     """
@@ -100,13 +100,13 @@ def ratios(parts, kind):
 
 @product(name="foreseen")
 def expected_loss(case, remover, mask_peaks=True):
-    """What a `SmoothSpectra` knows that it keeps of HI and noise, a `MockPower`, without mocks or truth."""
+    """Recovery of HI and noise expected by a `SmoothSpectra`, a `MockPower`, without mocks or truth."""
     found = cleaned.separation(case, remover, mask_peaks)
     return expected_mock_power(found, case.survey.channel_width)
 
 
 def corrected(case, remover, mask_peaks=True):
-    """C/C0 and P/P0 once divided by what the method knows that it keeps, {"angular", "frequency": (n,)}."""
+    """C/C0 and P/P0 divided by the recovery expected by the method, {"angular", "frequency": (n,)}."""
     kept = TransferFunction(mocks=(expected_loss(case, remover, mask_peaks),))
     parts, over = decompose(case, remover, mask_peaks), {}
     for kind in ("angular", "frequency"):

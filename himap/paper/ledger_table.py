@@ -1,4 +1,4 @@
-"""The ledger as a table: in a notebook, in the rendered book, and on a terminal."""
+"""The ledger as a table in a notebook, in the rendered book, and on a terminal."""
 
 import html
 import math
@@ -17,7 +17,7 @@ BADGES = {
     FAILED: ("✗", "#a33c00"),
     INAPPLICABLE: ("–", "#666666"),
 }
-"""{verdict: (sign, colour)}; dark enough for white letters, and distinct without colours by the sign."""
+"""{verdict: (sign, colour)}; dark enough for white letters, distinct without colours by their signs."""
 
 CONCLUSIONS = {
     "D1 D2": "With all channels at one resolution every method recovers both spectra to better than 10 % "
@@ -31,16 +31,16 @@ CONCLUSIONS = {
     "M2 M4 M5 G1 G3 G4": "Excluding contaminated lines of sight after the separation reduces the residual of "
     "SDecGMCA; dimming the Galactic plane before it improves PCA, FastICA and most of all SDecGMCA.",
 }
-"""The conclusions of the paper (its Sect. 6), {ids of the claims that hold its numbers: what it says}."""
+"""The conclusions of the paper (its Sect. 6), {ids of the claims with its numbers: conclusion}."""
 
 READING = "reading "
-"""The first word on what differs, if that is the reading of SDecGMCA alone; else the reading comes last."""
+"""First word of a difference that is the reading of SDecGMCA alone; otherwise the reading comes last."""
 
 _WORDS = ("id", "beam", "statement", "number", "paper", "reading")  # of a claim, in its row
 
 
 def summary(entries):
-    """{verdict: how many claims}, every verdict there, in the order of `BADGES`."""
+    """{verdict: number of claims}, with every verdict, in the order of `BADGES`."""
     count = Counter(entry.verdict for entry in entries)
     return {verdict: count[verdict] for verdict in BADGES}
 
@@ -62,10 +62,10 @@ def plain_table(entries):
 
 
 def joint_verdict(entries):
-    """The verdict on a conclusion, from those on its claims, of which `entries` has an `Entry` each.
+    """The verdict on a conclusion, from the verdicts on its claims, given an `Entry` for each in `entries`.
 
-    It is "reproduced" if all of them are, "in part" if one of them is at least in part, "not reproduced" if
-    all are that, and else "undecided". Claims that do not apply do not count.
+    It is "reproduced" if all of them are, "in part" if at least one is reproduced at least in part, "not
+    reproduced" if none is, and otherwise "undecided". Claims that do not apply do not count.
     """
     verdicts = {entry.verdict for entry in entries} - {INAPPLICABLE}
     if len(verdicts) < 2:
@@ -74,12 +74,12 @@ def joint_verdict(entries):
 
 
 def cause(entry, others):
-    """What makes the parts of a claim hold that do not in its `Entry`, in words: measured, not guessed.
+    """Changes under which all failing parts of a claim hold, in words: measured, not guessed.
 
     `others` are {what is different: {claim: its `Entry`}}, such as "reading code" or "the paper's size,
-    reading code", as `READING` says. The text has the names of those in which all these parts hold; or "none
-    found", and nothing of a claim that is reproduced or does not apply. Where no part about SDecGMCA fails,
-    the methods that do come first, and readings are no cause.
+    reading code", see `READING`. The text lists those in which all these parts hold, or says "none found"; it
+    is empty for a claim that is reproduced or does not apply. If no part about SDecGMCA fails, the failing
+    methods come first, and readings are not considered.
     """
     if entry.verdict in (REPRODUCED, INAPPLICABLE):
         return ""
@@ -92,7 +92,7 @@ def cause(entry, others):
         other = several.get(entry.claim.id)
         if not of_sd and not name.startswith(READING):
             name = name.partition(f", {READING}")[0]
-        # One run of SDecGMCA is a draw, and a reading of it concerns nothing else.
+        # One run of SDecGMCA is a draw, and a reading affects no other method.
         if other is None or (other.is_single_run if of_sd else name.startswith(READING)):
             continue
         held = other.main_shares["holds"].eq(True).reindex(failing.index, fill_value=False)
@@ -101,9 +101,9 @@ def cause(entry, others):
 
 
 class LedgerTable:
-    """To end a notebook cell with: the ledger, a list of `Entry`, grouped by section of the paper.
+    """The ledger, a list of `Entry`, grouped by section of the paper, for the end of a notebook cell.
 
-    `links` are {notebook: {figure of the paper: name of the figure in the book}}, and `others` as of `cause`.
+    `links` are {notebook: {figure of the paper: name of the figure in the book}}, and `others` as in `cause`.
     """
 
     def __init__(self, entries, links=None, others=None):
@@ -137,7 +137,7 @@ class LedgerTable:
         where = html.escape(f" ({places})") if places else ""
         cells = (
             f'<span id="claim-{claim["id"]}">{claim["id"]}</span>',
-            # As wide as can be read: on a phone the table scrolls.
+            # Wide enough to be read: on a phone the table scrolls.
             f'<div style="min-width:16em">{claim["statement"]} <em>({claim["beam"]})</em> '
             f"{link}<details><summary>reading and numbers</summary>{claim['reading']} "
             f"{html.escape(entry.sentence)}{shares}</details></div>",
@@ -150,7 +150,7 @@ class LedgerTable:
 
 
 def shares_text(shares):
-    """Rows of `Entry.shares` in words, with interval and how often the premise is absent."""
+    """Rows of `Entry.shares` in words, with their interval and how often the premise is absent."""
     texts = []
     for share in shares.itertuples():
         interval = f" ({share.low:.0%} to {share.high:.0%})" if share.low < share.high else ""
@@ -160,14 +160,14 @@ def shares_text(shares):
 
 
 def members_text(entry):
-    """How many members an entry has."""
+    """Number of members of an entry, in words."""
     skies = f"{entry.n_skies} sk{'y' if entry.n_skies == 1 else 'ies'}"
     runs = "one run each" if entry.n_skies > 1 else "one run"
     return f"{skies}, {runs if entry.n_restarts == 1 else f'{entry.n_restarts} restarts'}"
 
 
 def measured(entry):
-    """Median, and the range from 16 to 84 %, of the members that have a number; how many, if not all."""
+    """Median, and the range from 16 to 84 %, over members with a number; and their count, if not all."""
     median, low, high = entry.values
     spread = f" ({low:.3g} to {high:.3g})" if low < high else ""
     number, total = entry.members["value"].map(math.isfinite).sum(), len(entry.members)

@@ -1,7 +1,7 @@
-"""A mask inside of the separation, compared with other ways to treat a bright plane, on the same pixels.
+"""A mask within the separation, compared with other treatments of a bright plane, on the same pixels.
 
-Every way is measured on the pixels of a `Region` that are farther than a margin from its edge: what a beam
-mixes across the edge is seen there, and no method is asked for it.
+Every treatment is measured on pixels of a `Region` that are farther than a margin from its edge: emission
+mixed across the edge by a beam is visible there, and no method is expected to remove it.
 """
 
 from dataclasses import dataclass, replace
@@ -28,16 +28,16 @@ from himap.sky.galaxy import Dimming
 from himap.store.store import product
 
 WAYS = ("no mask", "post-masked", "dimmed", "inside")
-"""The foreground found on the whole sky; the same without the lines of sight whose error stands out (paper,
-Sect. 5.1); with the plane dimmed in the sky itself (Sect. 5.2); and found on the region alone."""
+"""Foreground estimated on the full sky; the same without lines of sight with exceptional errors (paper,
+Sect. 5.1); with the plane dimmed in the sky itself (Sect. 5.2); and estimated on the region only."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
-    """The part of the sky beyond a Galactic latitude, north and south, or north alone."""
+    """The part of the sky beyond a Galactic latitude, north and south, or north only."""
 
     latitude: float = parameter(10.0, "least |b| that is kept, deg", minimum=0, maximum=89)
-    north: bool = parameter(False, "whether the south is left out, as of a survey of a cap")
+    north: bool = parameter(False, "whether the south is excluded, as in a survey of a cap")
 
     def __post_init__(self):
         checked_fields(self)
@@ -45,23 +45,23 @@ class Region:
             raise InputError(f"north must be True or False, got {self.north!r}.")
 
     def depth(self, nside):
-        """How far inside of the edge each pixel lies, deg, negative outside, (n_pix,)."""
+        """Distance of each pixel from the edge, deg, negative outside, (n_pix,)."""
         latitude = sphere.pixel_latitude(nside)
         return (latitude if self.north else np.abs(latitude)) - self.latitude
 
     def mask(self, nside, margin=0.0):
-        """(n_pix,) bool: True farther inside than `margin`, deg."""
+        """Pixels farther inside than `margin`, deg, (n_pix,) bool."""
         return self.depth(nside) > margin
 
 
 @product(name="masked_separation")
 def separation(case, remover, region):
-    """The `Separation` of the pixels of a region of a case, as `cleaned.separation` of all of it."""
+    """The `Separation` on the pixels of a region of a case, like `cleaned.separation` on all pixels."""
     return cleaned.cleaning(case, remover).on(region.mask(case.survey.nside)).separation
 
 
 def residual(case, remover, region, way):
-    """The residual of one of `WAYS`, mK, (n_channels, n_pix) float32; not kept. Of "inside" the rest is 0.
+    """The residual of one of `WAYS`, mK, (n_channels, n_pix) float32; not stored; 0 outside for "inside".
 
     InputError for another way, or a method that ends at some multipole.
     """
@@ -82,8 +82,8 @@ def residual(case, remover, region, way):
 def compared(case, remover, region, way, margin=4.0):
     """The `Comparison` of the residual of one of `WAYS` with the truth, inside of a `Region`.
 
-    The Galaxy of the case is not dimmed, and the method ends at no l. Spectra begin as far inside of the edge
-    as `margin`, deg; C_l are decoupled (MASTER), in bins of 1 / f_sky.
+    The Galaxy of the case is not dimmed, and the method has no last l. Spectra use pixels at least `margin`,
+    deg, inside of the edge; C_l are decoupled (MASTER), in bins of 1 / f_sky.
     """
     inside = region.mask(case.survey.nside, margin)
     left, true = residual(case, remover, region, way), pipeline.truth(case)
@@ -100,7 +100,7 @@ def compared(case, remover, region, way, margin=4.0):
 
 @product(name="masked_by_depth")
 def by_depth(case, remover, region, way, edges=(0.0, 1.0, 2.0, 4.0, 8.0, 90.0)):
-    """Rms of the residual less the truth, mK, between some distances from the edge, deg, (n - 1,)."""
+    """Rms of the residual less the truth, mK, in ranges of distance from the edge, deg, (n - 1,)."""
     left, depth = residual(case, remover, region, way), region.depth(case.survey.nside)
     kept = depth > 0
     wrong = left[:, kept] - pipeline.truth(case)[:, kept]

@@ -25,9 +25,9 @@ def paper_beams(*, ripple="bracket"):
 
 
 def beam_called(name, *, ripple="bracket", others=()):
-    """The `Beam` of a name or file, as of `himap.instrument.beams.named`, with that reading of the ripple.
+    """The `Beam` of a name or file, as in `himap.instrument.beams.named`, with that reading of the ripple.
 
-    InputError for a reading that neither this beam has nor, where several are looked at, one of the `others`.
+    InputError for a reading that neither this beam nor, if there are several, one of the `others` has.
     """
     found = paper_beams(ripple=ripple).get(plain_name(name)) or named(name)
     if ripple != Oscillating().ripple and Oscillating.name not in map(plain_name, (found.name, *others)):
@@ -36,7 +36,7 @@ def beam_called(name, *, ripple="bracket", others=()):
 
 
 def table_1(beam):
-    """The row of `TABLE_1` for a `Beam`; a beam that the paper does not have gets that of the oscillating."""
+    """The row of `TABLE_1` for a `Beam`; a beam that is not in the paper gets that of the oscillating one."""
     return TABLE_1.get(beam.name, TABLE_1["oscillating"])
 
 
@@ -44,12 +44,12 @@ BEAM_AWARE = {
     SDecGMCA.name: (SDecGMCA, ("n_sources", "regularisation", "share")),
     BeamSubspace.name: (BeamSubspace, ("n_sources",)),
 }
-"""Methods that can take the place of SDecGMCA, {name: (class, parameters that they take from Table 1)}."""
+"""Methods that can replace SDecGMCA, {name: (class, parameters that they take from Table 1)}."""
 
 
 def beam_aware_for(beam, method="sdecgmca", **options):
-    """The method of `BEAM_AWARE` called `method`, with the parameters of Table 1 for a beam but for
-    `options`; InputError for another, an option that it does not have, or a bad value.
+    """The method of `BEAM_AWARE` called `method`, with the parameters of Table 1 for a beam, except for
+    `options`; InputError for another method, an unknown option, or an invalid value.
     """
     if method not in BEAM_AWARE:
         raise InputError(f"in the place of SDecGMCA can stand {', '.join(BEAM_AWARE)}, got {method!r}.")
@@ -59,12 +59,12 @@ def beam_aware_for(beam, method="sdecgmca", **options):
 
 
 def sdecgmca_for(beam, **changed):
-    """SDecGMCA with the parameters of Table 1 for a beam, but for `changed`, as of `beam_aware_for`."""
+    """SDecGMCA with the parameters of Table 1 for a beam, except for `changed`, as in `beam_aware_for`."""
     return beam_aware_for(beam, **changed)
 
 
 def check_reading(reading, methods):
-    """InputError for a reading of SDecGMCA, other than the default, that none of some methods has."""
+    """Raise InputError for a reading of SDecGMCA, other than the default, if none of the methods has it."""
     if reading != SDecGMCA().reading and not any(isinstance(one, SDecGMCA) for one in methods):
         raise InputError(f"the reading {reading!r} is of SDecGMCA, which is not among the methods.")
 
@@ -77,12 +77,12 @@ def methods_for(beam, n_sources=None, *, method="sdecgmca", variable="temperatur
     beam
         A `Beam`.
     n_sources
-        The number of sources; that of Table 1 unless given.
+        The number of sources; default: that of Table 1.
     variable
-        Of the polynomial, as of `Polynomial`.
+        Variable of the polynomial, as in `Polynomial`.
     method, options
-        As in `beam_aware_for`, which refuses bad ones: what replaces SDecGMCA, and what differs
-        from its defaults.
+        As in `beam_aware_for`, including its errors: the replacement of SDecGMCA, and its options that
+        differ from the defaults.
     """
     n = table_1(beam)["n_sources"] if n_sources is None else n_sources
     return [

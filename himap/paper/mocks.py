@@ -1,4 +1,4 @@
-"""Mocks of HI cleaned with an observation, or in the place of its HI: what a method loses, without the truth.
+"""Signal loss without the truth: mocks of HI, cleaned with an observation or in place of its HI.
 
 A mock is the truth of another sky: HI and noise, seen through the same beam.
 """
@@ -23,7 +23,7 @@ _MOST_MOCKS = 10_000  # of one sky
 
 @dataclass(frozen=True, kw_only=True)
 class Mock:
-    """The truth of another sky than that of the data, and how its HI differs."""
+    """The truth of another sky than that of the data, and changes of its HI."""
 
     seed: int = parameter(1, "seed of the mock's sky; must not be that of the data", minimum=0, maximum=2**63)
     bias: float = parameter(1.0, "factor on the bias of HI", minimum=0, above=True)
@@ -46,9 +46,9 @@ class _Biased(HIModel):
 
 @product
 def hi_alms_of_mock(sky, mock):
-    """Harmonic coefficients of the HI of a mock before the beam, to 3 nside - 1, complex64.
+    """Harmonic coefficients of the HI of a mock before the beam, up to 3 nside - 1, complex64.
 
-    `sky` is the mock's own, a `Survey`.
+    `sky` is that of the mock, a `Survey`.
     """
     if mock.bias == 1:
         alms = np.array(pipeline.hi_alms_of_sky(sky))
@@ -62,15 +62,15 @@ def hi_alms_of_mock(sky, mock):
 
 
 def _without_phases(alms, rng):
-    """Coefficients with the modes of each l turned into each other, in all channels alike.
+    """Coefficients with the modes of each l rotated into each other, equally in all channels.
 
-    No power changes, of any channel or of two channels; but each mode is now a sum of all of its l, so that
-    by the central limit theorem the field is Gaussian.
+    This changes no power of any channel or of two channels; but each mode is now a sum over all of its l, so
+    the field is Gaussian by the central limit theorem.
     """
     modes = harmonic.to_modes(alms)
     for block in harmonic.blocks(modes):
         turn, triangle = np.linalg.qr(rng.standard_normal((block.shape[1], block.shape[1])))
-        block[:] = block @ (turn * np.sign(np.diag(triangle)))  # uniform among all turns (Mezzadri 2007)
+        block[:] = block @ (turn * np.sign(np.diag(triangle)))  # uniform among all rotations (Mezzadri 2007)
     return harmonic.from_modes(modes).astype(alms.dtype)
 
 
@@ -80,7 +80,7 @@ def mock_alms(case, mock):
     Raises
     ------
     InputError
-        The mock is the sky of the case itself.
+        If the mock is the sky of the case itself.
     """
     if mock.seed == case.survey.seed:
         raise InputError(f"a mock must be of another sky than the data, got the seed {mock.seed} for both.")
@@ -91,10 +91,9 @@ def mock_alms(case, mock):
 
 @product
 def recovered(case, removers, mock, mask_peaks=True):
-    """What comes back of a mock in an observation, a list with the `MockPower` of each method.
+    """Recovery of a mock in an observation, a list with the `MockPower` of each method.
 
-    All that a method finds is found anew (`Cleaning.with_mock`). Where the method ends at some l, so does the
-    comparison.
+    All estimates are repeated (`Cleaning.with_mock`). If the method ends at some l, so does the comparison.
     """
     alms, maps = _alms_and_maps(case, mock)
     mocked, powers = cleaned.cleaning(case, removers[0], mask_peaks).with_mock(maps), []
@@ -110,12 +109,12 @@ def _alms_and_maps(case, mock):
 
 
 def _separated(case, mocked, remover):
-    """The `Separation` that a method makes of a `Cleaning` with a mock."""
+    """The `Separation` of a `Cleaning` with a mock by a method."""
     return mocked.with_method(remover, rng=case.survey.rng(f"removal {remover.name}")).separation
 
 
 def _power(case, alms, before, after):
-    """The `MockPower` of a mock with the coefficients `alms`, and the `Separation` without and with it."""
+    """The `MockPower` of a mock with coefficients `alms`, given the `Separation` without and with it."""
     own = alms if after.lmax is None else sphere.alms_upto(alms, min(after.lmax, case.survey.lmax))
     wrong = cleaned.difference(case, before.foreground, after.foreground)
     return mock_power(own, wrong, case.survey.channel_width)
@@ -123,13 +122,13 @@ def _power(case, alms, before, after):
 
 @product
 def foreground_like(case, mocks):
-    """The `SmoothForeground` of a case where HI and noise are like some mocks."""
+    """The `SmoothForeground` of a case, if HI and noise are like some mocks."""
     alms = (mock_alms(case, mock) for mock in mocks)
     return foreground_given(_with_peaks(case), products_of(alms, case.survey.lmax), len(mocks))
 
 
 def _with_peaks(case):
-    """The `Data` of a case with its peaks, which mocks have too."""
+    """The `Data` of a case with its peaks, as mocks have peaks, too."""
     data = cleaned.data_of(case, pipeline.observation(case).maps)
     data.known["modes"] = lambda: pipeline.analysis(case, False)
     return data
@@ -137,25 +136,25 @@ def _with_peaks(case):
 
 @product
 def foreground_left(case, remover, mocks, mask_peaks=True):
-    """The `HarmonicPower` of what a method leaves of the foreground of a case (`foreground_like`)."""
+    """The `HarmonicPower` of the foreground residual of a method on a case (`foreground_like`)."""
     known, found = foreground_like(case, mocks), cleaned.separation(case, remover, mask_peaks)
     return _left(case, known, _with_peaks(case), remover, found)
 
 
 def _left(case, known, data, remover, separation):
-    """`foreground_left` of `Data` whose foreground is `known`, in which a method found a `Separation`."""
+    """`foreground_left` for `Data` with the foreground `known`, given the `Separation` of a method."""
     beams = data.beams if "beams" in remover.uses else None
     return expected_power(known.residual_spectra(data, separation, beams), case.survey.channel_width)
 
 
 @product
 def resampled(case, removers, mock, mocks, mask_peaks=True):
-    """A member of a parametric bootstrap, whose truth is a mock: a list with the `MockPower` of each method.
+    """Members of a parametric bootstrap, whose truth is a mock: a list with the `MockPower` of each method.
 
-    For all methods the foreground is drawn from what is known of it if HI and noise are like some `mocks`
-    (`SmoothForeground`). A method with few spectra has less of the foreground and more of HI in what it
-    finds. The power of what it leaves of the foreground is estimated from the member and the other mocks, as
-    `foreground_left` is from the data, and subtracted from the output.
+    For all methods the foreground is drawn from its posterior if HI and noise are like some `mocks`
+    (`SmoothForeground`). The estimate of a method with few spectra would have less foreground and more HI.
+    The power of the foreground residual is estimated from the member and the other mocks, as
+    `foreground_left` estimates it from the data, and subtracted from the output.
     """
     alms, maps = _alms_and_maps(case, mock)
     rng = replace(case.survey, seed=mock.seed).rng("foreground")
@@ -172,14 +171,14 @@ def resampled(case, removers, mock, mocks, mask_peaks=True):
 
 
 def transfer_functions(case, removers, mocks):
-    """{method: `TransferFunction`} of what comes back of some `Mock` in an observation (`recovered`)."""
+    """{method: `TransferFunction`} from the recovery of several `Mock` in an observation (`recovered`)."""
     return _by_method(removers, [recovered(case, tuple(removers), mock) for mock in mocks])
 
 
 def bootstrap(case, removers, mocks):
-    """{method: `TransferFunction`} of members of a bootstrap of a case, with one of some `Mock` each.
+    """{method: `TransferFunction`} from members of a bootstrap of a case, each with one of several `Mock`.
 
-    What they correct is the power of a residual less `foreground_left`.
+    They correct the power of a residual less `foreground_left`.
     """
     calls = [(case, tuple(removers), mock, tuple(mocks)) for mock in mocks]
     return _by_method(removers, [resampled(*call) for call in calls])
@@ -192,22 +191,22 @@ def _by_method(removers, powers):
 
 @product
 def own_recovery(case, remover, mask_peaks=True):
-    """The `MockPower` of the truth itself: what a transfer function is to tell without knowing the truth."""
+    """The `MockPower` of the truth itself: what a transfer function should give without the truth."""
     found = cleaned.separation(case, remover, mask_peaks)
     wrong = cleaned.error(case, remover, mask_peaks)
     return mock_power(pipeline.truth_alms(case, found.lmax), wrong, case.survey.channel_width)
 
 
 def mocks_of_sky(seed, n_mocks):
-    """So many usual mocks for the sky of a seed, a tuple: of seeds that no sky has, nor a mock of another."""
+    """`n_mocks` default mocks for the sky of a seed, a tuple, with seeds that no sky or other mock has."""
     first = _MOST_MOCKS * (seed + 1)
     return tuple(Mock(seed=first + n) for n in range(n_mocks))
 
 
 def first_mocks(n_mocks, cases):
-    """So many usual mocks of `cases` whose seeds ascend, however many there are: with the seeds from 1.
+    """`n_mocks` default mocks for `cases` with ascending seeds, the same for any number of cases: from 1.
 
-    Where skies have these, of the seeds of `mocks_of_sky` of the first.
+    If skies have these seeds, they are those of `mocks_of_sky` for the first sky.
     """
     first = cases[0].survey.seed
     return [*mocks_of_sky(first, n_mocks)] if first <= n_mocks else [Mock(seed=1 + n) for n in range(n_mocks)]

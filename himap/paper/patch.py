@@ -1,8 +1,8 @@
-"""A patch of sky as a telescope in single-dish mode sees it: uneven hits, channels and voxels that are lost.
+"""A patch of sky observed in single-dish mode: uneven hits, and lost channels and voxels.
 
-Place and size are near those of MeerKLASS (MeerKLASS Collaboration 2025, Cunnington et al. 2023): dishes
-scan to and fro at one elevation while the sky drifts by, rising or setting, so that a block of observation
-covers a parallelogram, sheared to one side or to the other. How often, and what is lost, follows a seed.
+Position and size are similar to MeerKLASS (MeerKLASS Collaboration 2025, Cunnington et al. 2023): dishes
+scan to and fro at one elevation while the sky drifts by, rising or setting, so a block of observation
+covers a parallelogram, sheared to either side. Hits and losses depend on a seed.
 """
 
 from dataclasses import dataclass
@@ -19,19 +19,19 @@ from himap.measures.spectra import decouple, frequency_power
 from himap.paper import pipeline
 from himap.removal.spectral_filter import on_sky
 
-_SHEAR = 0.7  # deg of right ascension by deg of declination, of scans in azimuth at mid elevations
-_EDGE = 0.5  # deg over which the hits of a block fall at its sides
-_LEAST = 0.05  # of the most hits: pixels with fewer are outside
+_SHEAR = 0.7  # deg of right ascension per deg of declination, for scans in azimuth at mid elevations
+_EDGE = 0.5  # deg over which the hits of a block decrease at its sides
+_LEAST = 0.05  # share of the largest hits: pixels with fewer are outside
 
 
 @dataclass(frozen=True, kw_only=True)
 class Patch:
     """A box of right ascension and declination, observed in blocks; angles in deg.
 
-    A block has a weight between 0.4 and 1 for the dishes and scans that are good, and its hits are
-    w f(u) f(v): u the right ascension more (rising) or less (setting) 0.7 times the declination from the
-    centre, times cos(dec), v the declination, f one inside of the block, with sides that fall as a logistic
-    function over 0.5 deg. A block is half as wide as the patch, anywhere in it.
+    A block has a weight w between 0.4 and 1 for the share of good dishes and scans, and its hits are
+    w f(u) f(v): u is the right ascension plus (rising) or minus (setting) 0.7 times the declination from the
+    centre, times cos(dec), v the declination; f is one inside of the block and decreases at its sides as a
+    logistic function over 0.5 deg. A block is half as wide as the patch, at any position in it.
     """
 
     ra: float = parameter(347.5, "right ascension of the centre, deg", minimum=0, maximum=360)
@@ -39,9 +39,9 @@ class Patch:
     width: float = parameter(35.0, "width in right ascension, deg", minimum=5, maximum=120)
     height: float = parameter(10.0, "height in declination, deg", minimum=2, maximum=40)
     n_blocks: int = parameter(40, "blocks of observation, half of them rising", minimum=2)
-    n_channels: int = parameter(3, "channels that are lost altogether", minimum=0)
+    n_channels: int = parameter(3, "channels that are lost completely", minimum=0)
     n_bursts: int = parameter(40, "bursts, each in a few channels while some of the sky drifts by", minimum=0)
-    voxels: float = parameter(0.02, "share of single voxels that are lost", minimum=0, maximum=0.5)
+    voxels: float = parameter(0.02, "share of lost single voxels", minimum=0, maximum=0.5)
     seed: int = parameter(21, "seed of all of these", minimum=0)
 
     def __post_init__(self):
@@ -49,7 +49,7 @@ class Patch:
 
     @property
     def box(self):
-        """(lowest, highest) right ascension and declination, deg, as `plotting.sky_maps` takes it."""
+        """(lowest, highest) right ascension and declination, deg, as used by `plotting.sky_maps`."""
         ra, dec = self.ra - 360 * (self.ra > 180), self.dec
         half = self.width / 2, self.height / 2
         return (ra - half[0] - 2, ra + half[0] + 2), (dec - half[1] - 2, dec + half[1] + 2)
@@ -62,7 +62,7 @@ class Patch:
         return (ra - self.ra + 180) % 360 - 180, dec - self.dec
 
     def hits(self, nside):
-        """Hits of the pixels, (n_pix,), the most of them 1; 0 outside."""
+        """Hits of the pixels, (n_pix,), at most 1; 0 outside."""
         rng = np.random.default_rng(self.seed)
         ra, dec = self.offsets(nside)
         squeeze = np.cos(np.deg2rad(self.dec))
@@ -76,9 +76,9 @@ class Patch:
         return np.where(total > _LEAST, total, 0)
 
     def flags(self, nside, n_channels):
-        """Voxels that are lost to interference, (n_channels, n_pix) bool.
+        """Voxels lost to interference, (n_channels, n_pix) bool.
 
-        Some channels altogether; bursts, each in one to four channels while 2 to 10 deg of right ascension
+        Some complete channels; bursts, each in one to four channels while 2 to 10 deg of right ascension
         drift by; and single voxels.
         """
         rng = np.random.default_rng([self.seed, 1])
@@ -94,14 +94,14 @@ class Patch:
 
 
 def _inside(offset, width):
-    """One within half of a width of 0, with soft sides."""
+    """One within half of a width of 0, with soft edges."""
     return 1 / (1 + np.exp(np.clip((np.abs(offset) - width / 2) / (_EDGE / 4), -50, 50)))
 
 
 def patch_sky(case):
-    """Foreground and HI of a `Case` through its beam, mK, each (n_channels, n_pix) float32, whole sky.
+    """Foreground and HI of a `Case` through its beam, mK, each (n_channels, n_pix) float32, full sky.
 
-    InputError for a survey with a taper, which the measures of an image do not have.
+    InputError for a survey with a taper, which is not supported by measures of an image.
     """
     case.survey.check_untapered()
     foreground = on_sky(pipeline.foreground_seen(case), case.survey.nside).cube()
@@ -111,8 +111,8 @@ def patch_sky(case):
 def noise_by_hits(survey, hits, rng):
     """Noise of every channel, mK, (n_channels, n_pix) float32: `noise_sigma` at the mean of the hits.
 
-    `survey` has the time, the dishes and the share of the sky of the patch; the deviation is that times
-    (mean of hits / hits)^1/2, and 0 where there are none.
+    `survey` has the time, the dishes and the sky fraction of the patch; the standard deviation is that times
+    (mean of hits / hits)^1/2, and 0 without hits.
     """
     spread = np.zeros(len(hits))
     spread[hits > 0] = np.sqrt(hits[hits > 0].mean() / hits[hits > 0])
@@ -123,16 +123,16 @@ def noise_by_hits(survey, hits, rng):
 
 
 def interpolated(maps, missing):
-    """Maps (n_channels, n_pix) with missing voxels by straight lines between the channels around them."""
+    """Maps (n_channels, n_pix) with missing voxels interpolated linearly between neighbouring channels."""
     known = pd.DataFrame(maps).mask(missing).interpolate(limit_direction="both")
-    return known.fillna(pd.DataFrame(maps)).to_numpy()  # of lines of sight without any, as they are
+    return known.fillna(pd.DataFrame(maps)).to_numpy()  # lines of sight without any are unchanged
 
 
 @dataclass(frozen=True, kw_only=True)
 class PatchPower:
-    """Both spectra of cubes of a patch, pixels with the weights of their hits, 0 where voxels are missing.
+    """Both spectra of cubes of a patch, pixels weighted with their hits, 0 in missing voxels.
 
-    Gaps take power, and of a spectrum and the one that it is held against they take the same.
+    Gaps reduce power, by the same factor in two spectra that are compared.
     """
 
     weights: np.ndarray  # of the pixels, between 0 and 1, (n_pix,)
@@ -141,13 +141,13 @@ class PatchPower:
     bin_width: int  # multipoles in a bin
 
     def alms(self, maps):
-        """`masked_alms` of maps (n_channels, n_pix): those of a sum are the sum of those of its parts."""
+        """`masked_alms` of maps (n_channels, n_pix): linear in the maps."""
         return masked_alms(np.where(self.seen, maps, np.zeros((), maps.dtype)), mask=self.weights)
 
     def __call__(self, maps, alms=None):
         """{"angular": (l, C_l), "frequency": (k, P(k))} of maps (n_channels, n_pix), l and k above 0.
 
-        `alms` are those of the maps, where they are known: most of the work.
+        `alms` are those of the maps, if known: they are most of the work.
         """
         alms = self.alms(maps) if alms is None else alms
         angular = decouple(sphere.power_spectrum(alms), self.weights, self.bin_width)
@@ -159,10 +159,10 @@ class PatchPower:
         }
 
     def share(self, mocks, returned, alms=None):
-        """The transfer function: {kind: power that what came back has in common with mocks, over theirs}.
+        """The transfer function: {kind: cross power of recovered and input mocks over the input power}.
 
-        Both are lists of maps; `alms` are those of the mocks, where they are known. What the two have in
-        common is half of the power of their sum less that of each.
+        Both are lists of maps; `alms` are those of the mocks, if known. The cross power is half of the power
+        of their sum less that of each.
         """
         common, own = [], []
         for mock, back, known in zip(mocks, returned, alms or map(self.alms, mocks), strict=True):

@@ -1,8 +1,8 @@
-"""The chain of products from the sky to observations and their truth, each computed once and kept.
+"""The chain of products from the sky to observations and their truth, each computed once and stored.
 
-A `Case` names one observation; every product is a function of a case or of a survey, so a notebook
-asks for what it shows and what is behind it is made, or found, on the way. What methods make of an
-observation is in `himap.paper.cleaned`.
+A `Case` defines one observation; every product is a function of a case or of a survey. A notebook requests
+what it shows, and everything behind it is computed or read from the cache. Results of methods on an
+observation are in `himap.paper.cleaned`.
 """
 
 from dataclasses import dataclass, field
@@ -62,14 +62,14 @@ class Case:
             )
         if not isinstance(self.dimming, Dimming | None):
             raise InputError(f"dimming must be a Dimming or None, got {self.dimming!r}.")
-        self.beam.of_survey(self.survey)  # fails now, not after the sky is made
+        self.beam.of_survey(self.survey)  # fails early, not after the sky is simulated
 
 
 @product
 def hi_of_sky(survey):
     """HI maps before the beam, mK, (n_channels, n_pix).
 
-    `survey` is a `Survey.sky`, here and in what else is of a sky: surveys with other instruments share it.
+    `survey` is a `Survey.sky`, as for all products of a sky: surveys with other instruments share it.
     """
     rng = survey.rng("hi")
     if estimate(survey)["HI light cone"] <= memory_limit():
@@ -81,13 +81,13 @@ def hi_of_sky(survey):
 
 @product
 def hi_alms_of_sky(survey):
-    """Harmonic coefficients of `hi_of_sky`, to 3 nside - 1, complex64: the beams share them."""
+    """Harmonic coefficients of `hi_of_sky`, up to 3 nside - 1, complex64, shared by all beams."""
     return sphere.analyse(hi_of_sky(survey), n_iter=sphere.N_ITER_FLAT)
 
 
 @product
 def noise_alms(survey):
-    """Harmonic coefficients of the noise before any smoothing, to 3 nside - 1, complex64."""
+    """Harmonic coefficients of the noise before any smoothing, up to 3 nside - 1, complex64."""
     return sphere.analyse(noise_maps(survey, survey.rng("noise")), n_iter=sphere.N_ITER_FLAT)
 
 
@@ -110,7 +110,7 @@ def foreground_modes_of_sky(survey, galaxy, dimming):
 def observation(case):
     """The `Observation` of a `Case`; all cases of a survey share sky and noise."""
     survey = case.survey
-    components_of_sky(survey.sky, case.galaxy)  # a bad template shows before the long work
+    components_of_sky(survey.sky, case.galaxy)  # a bad template fails before the long work
     check_memory(survey, "observing")
     bright = foreground_modes_of_sky(survey.sky, case.galaxy, case.dimming)
     windows = case.beam.of_survey(survey)
@@ -131,20 +131,20 @@ def peak_masked(case, spread=True):
 
 @product
 def covariance(case, mask_peaks=True):
-    """The `channel_covariance` of the maps that the foreground is found in: all methods share it."""
+    """The `channel_covariance` of the maps in which the foreground is estimated, shared by all methods."""
     return channel_covariance(centred(basis(case, mask_peaks)))
 
 
 @product
 def analysis(case, mask_peaks=True):
-    """The `CubeModes` of the maps that the foreground is found in, less their channel means."""
+    """The `CubeModes` of the maps in which the foreground is estimated, less their channel means."""
     return cube_modes(centred(basis(case, mask_peaks)), covariance=covariance(case, mask_peaks))
 
 
 def basis(case, mask_peaks):
-    """The maps that the foreground is found in, (n_channels, n_pix), mK.
+    """The maps in which the foreground is estimated, (n_channels, n_pix), mK.
 
-    `mask_peaks` is False for those observed, True for the peak-masked, or a name in `peaks.SPREADS`.
+    `mask_peaks` is False for the observed maps, True for the peak-masked ones, or a name in `peaks.SPREADS`.
     """
     if not mask_peaks:
         return observation(case).maps
@@ -152,11 +152,11 @@ def basis(case, mask_peaks):
 
 
 def signal(case, mask_peaks=True, lmax=None):
-    """HI and noise as they are in `basis`, less their channel means, up to `lmax`: the truth less what peak
-    masking took; (n_channels, n_pix) float32, mK, not kept.
+    """HI and noise in `basis`, less their channel means, up to `lmax`: the truth less what peak masking
+    removed; (n_channels, n_pix) float32, mK, not stored.
     """
     observed = observation(case)
-    # What is far brighter than HI comes first, and cancels.
+    # The terms far brighter than HI come first, and cancel.
     maps = np.empty(observed.truth.shape, dtype=np.float32)
     np.subtract(basis(case, mask_peaks), observed.maps, out=maps, casting="same_kind")
     maps += observed.truth
@@ -165,7 +165,7 @@ def signal(case, mask_peaks=True, lmax=None):
 
 
 def cut_cube(maps, lmax):
-    """Maps (n_channels, n_pix) without what they hold beyond `lmax`, float32."""
+    """Maps (n_channels, n_pix) limited to `lmax`, float32."""
     alms = (sphere.analyse(channel, lmax, n_iter=sphere.N_ITER_FLAT) for channel in maps)
     return sphere.synthesise_cube(
         alms, sphere.nside_of(maps), n_channels=len(maps), label=f"maps to l = {lmax}"
@@ -174,13 +174,13 @@ def cut_cube(maps, lmax):
 
 @product
 def signal_analysed(case, mask_peaks=True, lmax=None):
-    """The `CubeModes` of `signal`, which methods with a beam share."""
+    """The `CubeModes` of `signal`, shared by methods with a beam."""
     return cube_modes(signal(case, mask_peaks, lmax))
 
 
 @product
 def foreground_seen(case):
-    """The foreground through the beam, a `HarmonicModes`: what an observation is more than its truth."""
+    """The foreground through the beam, a `HarmonicModes`: the observation less its truth."""
     bright = foreground_modes_of_sky(case.survey.sky, case.galaxy, case.dimming)
     return seen_through(
         harmonic.to_modes(bright.alms), bright.spectra, case.beam.of_survey(case.survey).total
@@ -189,11 +189,11 @@ def foreground_seen(case):
 
 @product
 def foreground_analysed(case, mask_peaks=True):
-    """The foreground as the analysis of the maps has it, a `HarmonicModes`.
+    """The foreground as seen by the analysis of the maps, a `HarmonicModes`.
 
-    HEALPix holds no exact quadrature, so what is bright comes out of `analysis` with an error that may be as
-    large as HI where l is large. A method that works on those coefficients takes that error with the rest; to
-    the true foreground it would be one of the method.
+    HEALPix has no exact quadrature, so bright emission has an error in `analysis` that may be as large as HI
+    at large l. A method that works on those coefficients removes this error with the foreground; relative to
+    the true foreground it would count as an error of the method.
     """
     modes, seen = analysis(case, mask_peaks), foreground_seen(case)
     nside, axes = case.survey.nside, modes.spectra
@@ -209,12 +209,12 @@ OF_CASES = (
     *(observation, peak_masked, covariance, analysis, signal_analysed),
     *(foreground_seen, foreground_analysed),
 )
-"""Products of a sky and of a case of it that are as large as a cube, which disks are too small for, or that
-nobody needs without one."""
+"""Products of a sky or a case that are as large as a cube: too large for many disks, or needed only together
+with a cube."""
 
 
 def hi_seen(case):
-    """HI through the beam, without the noise, mK, (n_channels, n_pix) float32; not kept."""
+    """HI through the beam, without the noise, mK, (n_channels, n_pix) float32; not stored."""
     survey = case.survey
     pairs = zip(hi_alms_of_sky(survey.sky), case.beam.of_survey(survey).total, strict=True)
     alms = (sphere.multiply_beam(alm, window) for alm, window in pairs)
@@ -222,7 +222,7 @@ def hi_seen(case):
 
 
 def truth_alms(case, lmax=None, channels=slice(None), *, hi=None):
-    """Coefficients of the truth less its channel means, to 3 nside - 1 or `lmax`; complex64, not kept.
+    """Coefficients of the truth less its channel means, to 3 nside - 1 or `lmax`; complex64, not stored.
 
     `hi` are those of HI before the beam, if not `hi_alms_of_sky`.
     """
@@ -230,7 +230,7 @@ def truth_alms(case, lmax=None, channels=slice(None), *, hi=None):
 
 
 def truth_alms_of(case, lmax=None, hi=None):
-    """A function that makes the `truth_alms` of a slice of channels."""
+    """A function that returns the `truth_alms` of a slice of channels."""
     windows = case.beam.of_survey(case.survey)
     sky = hi_alms_of_sky(case.survey.sky) if hi is None else hi
     noise = noise_alms(case.survey)
@@ -251,7 +251,7 @@ def truth_alms_of(case, lmax=None, hi=None):
 
 
 def truth(case, lmax=None, channels=slice(None)):
-    """The truth, (n_channels, n_pix) float32, mK; up to `lmax` it is made, less its channel means."""
+    """The truth, (n_channels, n_pix) float32, mK; with `lmax`, computed up to it less its channel means."""
     if lmax is None:
         return observation(case).truth[channels]
     alms = truth_alms(case, lmax, channels)
@@ -265,6 +265,6 @@ def true_spectra(case):
 
 
 def spectra_of(maps, alms, survey):
-    """`PowerSpectra` of a cube (n_channels, n_pix), mK, of a survey, whose coefficients are at hand."""
+    """`PowerSpectra` of a cube (n_channels, n_pix), mK, of a survey, given its coefficients."""
     frequency = frequency_power(maps, survey.channel_width, taper=survey.taper)
     return PowerSpectra(angular=masked_power(alms), frequency=frequency)

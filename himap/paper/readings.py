@@ -1,4 +1,4 @@
-"""The readings of the choices that the paper leaves open about SDecGMCA, and the outcome of each."""
+"""Readings of the choices about SDecGMCA that the paper leaves open, and the outcome of each."""
 
 import itertools
 import math
@@ -18,7 +18,7 @@ from himap.removal.sdecgmca.readings import OPTIONS, READINGS, resolved
 BANDS = {
     name.replace("0-0.03", "k < 0.03").replace("-", " to "): band for name, band in diagnostics.BANDS.items()
 }
-"""`diagnostics.BANDS` by the names that the records have."""
+"""`diagnostics.BANDS` with the names used in records."""
 
 _NEAR_PLANE = 10.0  # deg of Galactic latitude
 
@@ -36,18 +36,18 @@ COLUMNS = {
     "main": bool,
     "held": bool,
 }
-"""{column: type} of the rows of readings. The quantity is the id of a claim; or another number:
+"""{column: type} of the rows of readings. The quantity is the id of a claim, or another number:
 mean ratios in `BANDS`; "bump", the highest P/P0 near k = 0.31 / MHz; "mean error" and "largest error",
-|C/C0 - 1| at 10 < l < 200; the share of lines of sight that are "flagged", and of these "near the plane";
-"total error", the MSE of both spectra; "iterations" of both stages; whether the last one "converged"; the
-diagnostics of the iteration (`himap.removal.separation.Separation`); and `CURVES` in bins.
+those of |C/C0 - 1| at 10 < l < 200; the share of lines of sight that are "flagged", and of these "near the
+plane"; "total error", the MSE of both spectra; "iterations" of both stages; whether the last one "converged";
+the diagnostics of the iteration (`himap.removal.separation.Separation`); and `CURVES` in bins.
 """
 
 
 def flagged_shares(errors, none=math.nan):
-    """Share of the lines of sight that their errors (n_pix,) flag, and of these near the plane, a dict.
+    """Share of the lines of sight flagged by their errors (n_pix,), and of these near the plane, a dict.
 
-    The latter is `none` where no line is flagged.
+    The latter is `none` if no line is flagged.
     """
     flagged = diagnostics.flagged_lines(errors)
     near = np.abs(sphere.pixel_latitude(sphere.nside_of(flagged))[flagged]) < _NEAR_PLANE
@@ -58,13 +58,13 @@ def flagged_shares(errors, none=math.nan):
 class Reading:
     """One way to read the paper on SDecGMCA."""
 
-    label: str  # a name in `READINGS`, or the option that differs from the default, as "last = repeated"
+    label: str  # a name in `READINGS`, or the option that differs from the default, e.g. "last = repeated"
     options: tuple  # pairs (name, value) for `himap.paper.realisation.Realisation`
-    changed: tuple | None = None  # (option, value) where it is the default but for that
+    changed: tuple | None = None  # (option, value) if only this differs from the default
 
     @property
     def title(self):
-        """The label, and of a reading with a name the one option that it changes."""
+        """The label, and for a named reading the one option that it changes, if so."""
         if self.changed is None or self.label not in READINGS:
             return self.label
         return f"{self.label} ({' = '.join(map(str, self.changed))})"
@@ -77,15 +77,15 @@ class Reading:
 
     @property
     def departures(self):
-        """{option: value} of those that contradict the paper's text."""
+        """{option: value} of options that contradict the paper's text."""
         return {name: self.values[name] for name, one in OPTIONS.items() if self.values[name] in one.against}
 
 
 def readings():
-    """{label: `Reading`}: those with a name, and the default with one option changed at a time.
+    """{label: `Reading`}: the named readings, and the default with one option changed at a time.
 
-    A change that makes of the default a reading with a name is that reading; options that exclude each other
-    are not among them.
+    If a change turns the default into a named reading, it is that reading; combinations of options that
+    exclude each other are omitted.
     """
     default = READINGS["default"]
     named = {name: (("reading", name),) for name in READINGS} | {"default": ()}
@@ -102,7 +102,7 @@ def readings():
 
 
 def candidates():
-    """{label: `Reading`} to choose the default from: those with a name, with each foreground beyond lmax."""
+    """{label: `Reading`} of candidates for the default: named readings, with each foreground beyond lmax."""
     several = {}
     for name, beyond in itertools.product(READINGS.keys() - {"default"}, OPTIONS["beyond"].choices):
         label, options = name, (("reading", name),)
@@ -113,7 +113,7 @@ def candidates():
 
 
 def find_reading(label):
-    """The `Reading` with a label of `readings` or `candidates`; InputError if none has it."""
+    """The `Reading` with a label from `readings` or `candidates`; InputError if there is none."""
     known = readings() | candidates()
     if label not in known:
         raise InputError(f"reading must be one of {'; '.join(known)}, got {label!r}.")
@@ -122,32 +122,32 @@ def find_reading(label):
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What one reading leads to."""
+    """The outcome of one reading."""
 
     entries: dict  # {claim: `himap.paper.claims.entries.Entry`}
-    # The other numbers, through the oscillating beam: a row for each (seed, restart) and a column for each
-    # quantity without an x; bands that the maps do not hold are missing.
+    # The other numbers, for the oscillating beam: a row for each (seed, restart) and a column for each
+    # quantity without an x; bands that the maps lack are missing.
     numbers: pd.DataFrame
     curves: pd.DataFrame  # the rows of `CURVES`
-    statements: float  # how many of the paper's on SDecGMCA hold: the mean over skies of `statement_counts`
+    statements: float  # number of the paper's on SDecGMCA that hold: mean over skies of `statement_counts`
 
     @property
     def n_failing(self):
-        """How many of the members fail: their mean error is above `FAILING`."""
+        """Number of members that fail: their mean error is above `FAILING`."""
         return int((~(self.numbers["mean error"] <= FAILING)).sum())
 
     @property
     def fails(self):
-        """That in words, "1 of 4"."""
+        """That number in words, "1 of 4"."""
         return f"{self.n_failing} of {len(self.numbers)}"
 
 
 def outcomes(rows):
-    """{label: `Outcome`} of a table with `COLUMNS`, in the order of `readings` and `candidates`. Some
-    may be missing. InputError for readings or claims that himap does not have.
+    """{label: `Outcome`} from a table with `COLUMNS`, in the order of `readings` and `candidates`. Some
+    may be missing. InputError for readings or claims unknown to himap.
     """
     known = readings() | candidates()
-    if "case" in rows:  # of a record of restarts, which has other beams too
+    if "case" in rows:  # in a record of restarts, which also has other beams
         rows = rows[rows["case"].isna() | (rows["case"] == "oscillating")]
     if unknown := {*rows["reading"]} - {*known}:
         raise InputError(
@@ -174,7 +174,7 @@ def outcomes(rows):
 
 
 def statement_counts(rows):
-    """How many of the paper's statements on SDecGMCA hold under each reading on each sky, a DataFrame.
+    """Number of the paper's statements on SDecGMCA that hold, by reading and sky, a DataFrame.
 
     It has a row for each seed and a column for each label: the sum over the main parts about SDecGMCA of the
     share of the restarts in which each holds. `rows` have `COLUMNS`.
@@ -189,8 +189,8 @@ def statement_counts(rows):
 def ranked_candidates(counts):
     """[(label, statements, departures from the text)] of the candidates for the default, the best first.
 
-    The best is the most charitable: under it most statements of the paper on SDecGMCA hold, in the mean over
-    skies of what `statement_counts` gives. A tie goes to fewer departures.
+    The best is the most charitable: most statements of the paper on SDecGMCA hold with it, averaged over
+    skies, from `statement_counts`. Ties are broken by fewer departures.
     """
     known = readings() | candidates()
     ranked = [
@@ -202,10 +202,10 @@ def ranked_candidates(counts):
 
 
 def shares_first(counts, n_resamples=2000):
-    """In which share of bootstrap resamples of the skies each candidate has the highest mean count.
+    """Share of bootstrap resamples of the skies in which each candidate has the highest mean count.
 
-    A Series by label, of what `statement_counts` gives: NaN where it is not known on every sky; several that
-    are equal share a resample.
+    A Series by label, from `statement_counts`: NaN if it is not known on every sky; candidates with equal
+    counts share a resample.
     """
     weights = np.random.default_rng(0).multinomial(
         len(counts), np.full(len(counts), 1 / len(counts)), n_resamples

@@ -9,12 +9,12 @@ from himap.paper.readings import BANDS, CURVES, readings
 from himap.paper.readings_table import MARKS, robustness
 from himap.removal.sdecgmca.readings import READINGS
 
-_FAR = (1e-3, 1e3)  # where axes of ratios end at the latest
-_GAP = 0.8  # between the readings with a name and the others, in rows
+_FAR = (1e-3, 1e3)  # largest range of axes of ratios
+_GAP = 0.8  # between named and other readings, in rows
 _COLUMNS = 5
 _TRUTH = {"label": "_truth", "color": "0.5", "linewidth": 0.8}
-_EDGES = (0.4, 2.2)  # of ratios that are shown as curves: a few per cent can be seen
-_LOGARITHMIC = 10  # largest over least value from which an axis is logarithmic
+_EDGES = (0.4, 2.2)  # of ratios shown as curves: a few per cent are visible
+_LOGARITHMIC = 10  # ratio of largest to smallest value above which an axis is logarithmic
 _LOOKS = dict(zip(READINGS, styles.sequence(list(READINGS)), strict=True))
 
 
@@ -38,11 +38,11 @@ def claims_figure(outcomes):
 def bands_figure(outcomes):
     """C/C0 and P/P0 in bands, and the bump: a row for each reading, a point for each sky and restart.
 
-    A ratio that is wrong by more than a factor of a thousand is drawn there, at the edge.
+    A ratio that is wrong by more than a factor of a thousand is drawn at the edge.
     """
     titles = {band: f"${band[0]}/{band[2]}_0$, {band.partition(', ')[2]}" for band in BANDS}
     titles["bump"] = "$P/P_0$, bump"
-    order = sorted(outcomes, key=lambda label: label not in READINGS)  # those with a name come first
+    order = sorted(outcomes, key=lambda label: label not in READINGS)  # named readings come first
     numbers = pd.concat({label: outcomes[label].numbers for label in order}, names=["reading"])
     n_named = sum(label in READINGS for label in outcomes)
     places = {label: n + (_GAP if 0 < n_named <= n else 0) for n, label in enumerate(order)}
@@ -68,7 +68,7 @@ def bands_figure(outcomes):
 
 
 def _points(values, places, *, shown):
-    """(x, y, style) of every seed and restart; with `shown` seeds are in the legend."""
+    """(x, y, style) for every seed and restart; if `shown`, seeds are in the legend."""
     seeds = values.index.unique("seed").tolist()
     for (seed, restart), several in values.groupby(["seed", "restart"], sort=False):
         n, label = seeds.index(seed), f"seed {seed}"
@@ -84,10 +84,10 @@ def _points(values, places, *, shown):
 
 
 def curves_figure(outcomes):
-    """C/C0(l) and P/P0(k) of the readings with a name, two panels for each sky.
+    """C/C0(l) and P/P0(k) of the named readings, two panels for each sky.
 
-    Median and 16 to 84 % band of the restarts, which are thin lines. Ratios that are wrong by more than the
-    panels show leave them.
+    Median and 16 to 84 % band of the restarts, which are thin lines. Ratios outside of the panels are
+    cut off.
     """
     named = {label: outcomes[label].curves for label in READINGS if label in outcomes}
     rows = pd.concat(named, names=["label"]).reset_index("label")
@@ -114,9 +114,9 @@ def curves_figure(outcomes):
 
 
 def code_figure(compared, iterations):
-    """How far A is from that of the authors' code after some `iterations`, and the effect of rounding.
+    """Distance of A from that of the authors' code after some `iterations`, and the effect of rounding.
 
-    `compared` are {variant: (differences, what a change of the start makes)}, as of `AuthorsCode.compared`.
+    `compared` are {variant: (differences, effects of a change of the start)}, from `AuthorsCode.compared`.
     """
     looks = [look | {"marker": "o", "markersize": 3} for look in styles.sequence(list(compared))]
     titles = "from the authors' code", "by a change of the start"

@@ -1,4 +1,4 @@
-"""Outcomes of readings as lists of claims and as tables: in the chapter on readings and on a terminal."""
+"""Outcomes of readings as lists of claims and as tables, for the chapter on readings and a terminal."""
 
 import math
 
@@ -10,7 +10,7 @@ from himap.paper.readings import BANDS, candidates, ranked_candidates, readings,
 from himap.removal.sdecgmca.readings import OPTIONS, READINGS
 
 EVERY, SOME, NONE, VOID = "under every reading", "depends on the reading", "under none", "does not apply"
-"""How robust a claim is: under which readings it holds, at least in part."""
+"""Robustness of a claim: under which readings it holds, at least in part."""
 
 MARKS = {
     REPRODUCED: ("✓", "#00382a", "white"),
@@ -19,15 +19,15 @@ MARKS = {
     FAILED: ("✗", "#fbe0ca", "#7a2b00"),
     INAPPLICABLE: ("–", "#ffffff", "#666666"),
 }
-"""{verdict: (sign, colour, colour of the sign)}, from dark to light, so that they differ in grey too."""
+"""{verdict: (sign, colour, colour of the sign)}, from dark to light, distinct in grey, too."""
 
-_MANY = 1e3  # from where on one digit and a power of ten are enough
+_MANY = 1e3  # above, one digit and a power of ten are enough
 
 
 def summary_table(outcomes):
     """A DataFrame of texts with a row for each of {label: `Outcome`}.
 
-    Of bands and bump it is the value that is furthest from 1 over all runs, as a factor, or a dash.
+    Entries for bands and bump are the value furthest from 1 over all runs, as a factor, or a dash.
     """
     known, rows = readings() | candidates(), []
     for label, one in outcomes.items():
@@ -48,8 +48,8 @@ def summary_table(outcomes):
 def shares_table(outcomes):
     """A DataFrame of texts with a row for each claim and a column for each of {label: `Outcome`}.
 
-    In it is the share of the members in which a main part holds, the mean over parts, in per cent; a dash
-    where the claim does not apply.
+    Entries are the share of the members in which a main part holds, averaged over parts, in per cent; a dash
+    if the claim does not apply.
     """
     rows = []
     for name, claim in CLAIMS.items():
@@ -62,7 +62,7 @@ def shares_table(outcomes):
 
 
 def _furthest(values):
-    """Of some ratios the one that is furthest from 1 as a factor; a dash where there is none."""
+    """The ratio furthest from 1 as a factor; a dash if there is none."""
     finite = [value for value in values if math.isfinite(value)]
     if not finite:
         return "–"
@@ -74,8 +74,8 @@ def _furthest(values):
 def robustness(outcomes):
     """{`EVERY`, `SOME`, `NONE` or `VOID`: its claims, in the order of the paper}.
 
-    A claim holds under a reading if it is reproduced there, at least in part. Where it does not apply it does
-    not hold.
+    A claim holds under a reading if it is reproduced, at least in part. If it does not apply, it does not
+    hold.
     """
     claims = {EVERY: [], SOME: [], NONE: [], VOID: []}
     for claim in CLAIMS:
@@ -88,8 +88,8 @@ def robustness(outcomes):
 
 
 def decisive_options(outcomes, claim):
-    """Labels of the readings with one choice changed under which a claim holds and by default does not, or
-    the reverse; none where the default was not judged.
+    """Labels of readings with one choice changed under which a claim holds although it fails by default, or
+    the reverse; none if the default was not judged.
     """
     holds = {label: one.entries[claim].holds for label, one in outcomes.items() if claim in one.entries}
     single = [label for label, reading in readings().items() if reading.changed]
@@ -97,11 +97,11 @@ def decisive_options(outcomes, claim):
 
 
 def insensitive_claims(outcomes):
-    """The claims whose verdicts and numbers are the same under every reading: they do not depend on it."""
+    """The claims whose verdicts and numbers are the same under every reading."""
     versions = {}
     for outcome in outcomes.values():
         for claim, entry in outcome.entries.items():
-            numbers = entry.members["value"].map(str)  # in which NaN is equal to itself
+            numbers = entry.members["value"].map(str)  # as text, NaN is equal to itself
             versions.setdefault(claim, set()).add((entry.label, *numbers))
     return [claim for claim in CLAIMS if len(versions.get(claim, ())) == 1]
 
@@ -109,7 +109,7 @@ def insensitive_claims(outcomes):
 def candidates_table(rows, counts):
     """A DataFrame of texts with a row for each candidate for the default, the most charitable first.
 
-    `rows` are those of a record of restarts, and `counts` the `statement_counts` of them.
+    `rows` are those of a record of restarts, and `counts` their `statement_counts`.
     """
     known, first, failed = readings() | candidates(), shares_first(counts), failures(rows)
     failed = failed[failed["case"] == "oscillating"].set_index("reading")
@@ -131,8 +131,8 @@ def candidates_table(rows, counts):
 
 
 def option_rows(outcomes):
-    """Rows of text for every choice of `OPTIONS`: the question, the paper's word, the choice, the readings
-    with a name that have it, and of every other choice in how many runs it fails and which claims it decides.
+    """Rows of text for every choice of `OPTIONS`: question, the paper's words, choice, named readings with
+    it, and for every other choice the number of failing runs and the claims that it decides.
     """
     changes = {reading.changed: label for label, reading in readings().items()}
     decisive = {claim: decisive_options(outcomes, claim) for claim in CLAIMS}

@@ -1,4 +1,4 @@
-"""What the claims are judged on: every method on every case of one sky, against the truth."""
+"""The basis on which claims are judged: every method on every case of one sky, against the truth."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,7 +18,7 @@ from himap.paper.methods import BSS, beam_aware_for, methods_for, table_1
 from himap.sky.galaxy import Dimming, Galaxy
 
 REGULARISATIONS = (1e-3, 1e-2, 1e-1)
-"""Strengths c of the Tikhonov term that SDecGMCA is compared for."""
+"""Strengths c of the Tikhonov term for which SDecGMCA is compared."""
 
 STRATEGIES = {"matrix": 3, "spectrum": 4}
 """{`coefficients` of SDecGMCA: number of the strategy of C21 in the refinement}."""
@@ -26,27 +26,27 @@ STRATEGIES = {"matrix": 3, "spectrum": 4}
 
 @dataclass(frozen=True, kw_only=True)
 class Realisation:
-    """One sky, observed through the three beams and with the Galactic plane dimmed, and cleaned by all.
+    """One sky, observed through the three beams and with a dimmed Galactic plane, and cleaned by all methods.
 
     Attributes
     ----------
     survey, galaxy
         As in `pipeline.Case`.
     oscillating
-        The oscillating beam, or another in its place.
+        The oscillating beam, or its replacement.
     dimming
-        Of the dimmed case.
+        `Dimming` of the dimmed case.
     n_sources
-        Numbers of sources of the scan.
+        Numbers of sources in the scan.
     method, options
-        The method in the place of SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`, and pairs (name,
-        value) of its options that differ from their defaults. In the claims its name is "sdecgmca".
+        The method used as SDecGMCA, a name in `himap.paper.methods.BEAM_AWARE`, and pairs (name, value) of
+        its options that differ from their defaults. In the claims its name is "sdecgmca".
     restart
-        Which start of this method, 0 or more; where it has no field `restart` there is only 0.
+        Which start of this method, 0 or more; only 0 if it has no field `restart`.
     average
-        Of C_l over channels, one of `diagnostics.AVERAGES`.
+        Average of C_l over channels, one of `diagnostics.AVERAGES`.
     polynomial
-        Variable of the polynomial fit, as of `himap.removal.Polynomial`.
+        Variable of the polynomial fit, as in `himap.removal.Polynomial`.
     """
 
     survey: Survey = field(default_factory=Survey)
@@ -61,7 +61,7 @@ class Realisation:
     polynomial: str = parameter("temperature", "variable of the polynomial fit", off="temperature")
 
     def __post_init__(self):
-        self._case(self.oscillating)  # refuses bad values
+        self._case(self.oscillating)  # refuses invalid values
         counts = self.n_sources
         if not counts or min(counts) < 1 or max(counts) > self.survey.n_channels:
             raise InputError(
@@ -72,7 +72,7 @@ class Realisation:
         if self.average not in diagnostics.AVERAGES:
             known = ", ".join(diagnostics.AVERAGES)
             raise InputError(f"average must be one of {known}, got {self.average!r}.")
-        for observed, method, *_ in self.assessments:  # refuses bad methods and options
+        for observed, method, *_ in self.assessments:  # refuses invalid methods and options
             method.check(observed.survey.n_channels)
 
     def _case(self, beam, dimming=None):
@@ -80,7 +80,7 @@ class Realisation:
 
     @cached_property
     def cases(self):
-        """{case: (`pipeline.Case`, `mask_peaks`)}, which is as of `pipeline.basis`."""
+        """{case: (`pipeline.Case`, `mask_peaks`)}, the latter as in `pipeline.basis`."""
         observed = dict(zip(BEAMS, map(self._case, (Degraded(), Evolving(), self.oscillating)), strict=True))
         masked = {beam: (case, True) for beam, case in observed.items()}
         left_in = {LEFT_IN.format(beam): (case, False) for beam, case in observed.items()}
@@ -90,7 +90,7 @@ class Realisation:
 
     @property
     def assessments(self):
-        """The arguments of every `cleaned.assessment` that the claims need, a list of tuples."""
+        """Arguments of every `cleaned.assessment` needed by the claims, a list of tuples."""
         calls = [call for case in self.cases for call in self.calls(case).values()]
         settings = self._settings()
         more = *settings.values(), *self._restarts(len(settings))
@@ -98,7 +98,7 @@ class Realisation:
 
     @cached_property
     def facts(self):
-        """What else the claims need, {what: (product of `evidence`, arguments)}."""
+        """Further products needed by the claims, {name: (product of `evidence`, arguments)}."""
         calls, voxels = self.calls("oscillating"), (*BEAMS, *CLIPPED.values())
         return {
             "brightness": (evidence.sky_brightness, (self.survey.sky, self.galaxy)),
@@ -115,9 +115,9 @@ class Realisation:
         return product(*arguments)
 
     def calls(self, case):
-        """{method: arguments of `cleaned.assessment`} of a case; "sdecgmca" is the method in its place.
+        """{method: arguments of `cleaned.assessment`} of a case; "sdecgmca" is SDecGMCA or its replacement.
 
-        The two fits are not among them where peaks are measured in another deviation.
+        The two fits are omitted if peaks are masked with another standard deviation.
         """
         observed, peaks = self.cases[case]
         kinds = {"method": self.method, "variable": self.polynomial}
@@ -129,18 +129,18 @@ class Realisation:
         }
 
     def _changed(self, beam, **changed):
-        """Arguments of `cleaned.assessment` for SDecGMCA, or what is in its place, with other options."""
+        """Arguments of `cleaned.assessment` for SDecGMCA, or its replacement, with other options."""
         case, peaks = self.cases[beam]
         return case, beam_aware_for(case.beam, self.method, **self._options | changed), peaks
 
     def _beyond(self, beam):
-        """The same for SD beyond l = 200; itself where it has no such option."""
+        """The same for SDecGMCA continued beyond l = 200; unchanged if it has no such option."""
         call = self._changed(beam)
         if not hasattr(call[1], "beyond"):
             return call
         try:
             return self._changed(beam, beyond="regularised")
-        except InputError:  # its last S has no regularisation that could be carried on
+        except InputError:  # its last S has no regularisation to continue
             return self._changed(beam, beyond="projection")
 
     def scan_calls(self):
@@ -148,9 +148,9 @@ class Realisation:
         return {n: self._changed("oscillating", n_sources=n) for n in self.n_sources}
 
     def _settings(self):
-        """{setting of SDecGMCA's regularisation: arguments of `cleaned.assessment`}, its own among them.
+        """{setting of SDecGMCA's regularisation: arguments of `cleaned.assessment`}, including the default.
 
-        Empty for a method that has no such settings; settings that agree are one.
+        Empty for a method without such settings; settings that agree are listed once.
         """
         own = self._changed("oscillating")
         if not hasattr(own[1], "coefficients"):
@@ -161,7 +161,7 @@ class Realisation:
         return {"as it is": own} | {label: call for label, call in calls.items() if call != own}
 
     def _restarts(self, n):
-        """Arguments of `cleaned.assessment` for this start and those after it, `n` in all, a list."""
+        """Arguments of `cleaned.assessment` for this start and the following ones, `n` in total, a list."""
         return [self._changed("oscillating", restart=self.restart + k) for k in range(n)]
 
     @cached_property
@@ -169,20 +169,20 @@ class Realisation:
         return dict(self.options) | ({"restart": self.restart} if self.restart else {})
 
     def of(self, case):
-        """{method: `Comparison`} of one case; methods by their registered name."""
+        """{method: `Comparison`} for one case; methods by their registered name."""
         return {method: self._compare(call) for method, call in self.calls(case).items()}
 
     def beyond(self, beam):
-        """`Comparison` of SDecGMCA that goes on beyond l = 200 with a regularised inversion of the beam."""
+        """`Comparison` of SDecGMCA continued beyond l = 200 with a regularised inversion of the beam."""
         return self._compare(self._beyond(beam))
 
     @property
     def scan(self):
-        """Comparisons by the number of sources, a dict, of SDecGMCA through the oscillating beam."""
+        """Comparisons by number of sources, a dict, for SDecGMCA with the oscillating beam."""
         return {n: self._compare(call) for n, call in self.scan_calls().items()}
 
     def _compare(self, call, masked=False):
-        """`Comparison` of an assessment with the truth, which ends where it does."""
+        """`Comparison` of an assessment with the truth, up to the last l of the method."""
         if (call, masked) not in self._compared:
             self._compared[call, masked] = cleaned.compared(*call, masked=masked, average=self.average)
         return self._compared[call, masked]
@@ -196,7 +196,7 @@ class Realisation:
         return cleaned.assessment(*self.calls(case)[method])
 
     def masked(self, method):
-        """A `Comparison` on the oscillating case without the lines of sight whose error stands out."""
+        """A `Comparison` on the oscillating case without lines of sight with exceptional errors."""
         return self._compare(self.calls("oscillating")[method], masked=True)
 
     def unmasked(self, method):
@@ -221,11 +221,11 @@ class Realisation:
         return {"all sky": tuple(everywhere), f"|b| > {evidence.HIGH_LATITUDE:g}": tuple(high)}
 
     def masked_voxels(self, case):
-        """{"HI", "noise" or "foreground": how many voxels where it stands out the peak masking replaces}."""
+        """{"HI", "noise" or "foreground": number of masked voxels in which it is the largest component}."""
         return dict(zip(evidence.STANDING_OUT, self._fact(("voxels", case)).tolist(), strict=True))
 
     def noise_over_hi(self, beam):
-        """`Comparison` of the noise with HI, each by itself as it is in the truth.
+        """`Comparison` of the noise with HI, each alone as in the truth.
 
         The noise has the power of the paper's channels, see `noise.noise_sigma`, and C_l that of its pixels.
         """
@@ -238,9 +238,9 @@ class Realisation:
         return replace(found, angular=angular, frequency=found.frequency * scale / wider)
 
     def without_sources(self):
-        """`Comparison` of the parametric fit on the degraded case of a sky without point sources.
+        """`Comparison` for the parametric fit on the degraded case of a sky without point sources.
 
-        InputError where it refuses these maps.
+        InputError if the fit refuses these maps.
         """
         found = self._fact("no sources")
         if isinstance(found, str):
@@ -249,23 +249,23 @@ class Realisation:
         return Comparison.of(found, true, l_top=2 * self.survey.nside, average=self.average)
 
     def flagged_error(self):
-        """What the error of SDecGMCA on its flagged lines consists of: `evidence.error_of_flagged_lines`."""
+        """Components of the error of SDecGMCA on its flagged lines: `evidence.error_of_flagged_lines`."""
         return self._fact("flagged")
 
     def without_brightest(self, method):
-        """Shares of the lines of sight with the brightest foreground, and the highest P/P0 near k = 0.31.
+        """Excluded shares of the lines of sight with brightest foreground, and the highest P/P0 near k = 0.31.
 
-        It is without each share of them, and last without the share `evidence.CONTROL` of the faintest.
+        The last value excludes the share `evidence.CONTROL` of the faintest lines instead.
         """
         k, ratios = self._fact(("lines", method))
         return evidence.BRIGHTEST, [diagnostics.inside(k, row, *diagnostics.BUMP).max() for row in ratios]
 
     def by_regularisation(self):
-        """{setting of the regularisation: `Comparison`} of SDecGMCA through the oscillating beam."""
+        """{setting of the regularisation: `Comparison`} of SDecGMCA with the oscillating beam."""
         return {label: self._compare(call) for label, call in self._settings().items()}
 
     def by_restart(self, n):
-        """`Comparison` of SDecGMCA from this start and those after it, `n` in all, a list."""
+        """`Comparison` of SDecGMCA from this start and the following ones, `n` in total, a list."""
         return [self._compare(call) for call in self._restarts(n)]
 
     def windows(self, beam):

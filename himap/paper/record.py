@@ -1,8 +1,8 @@
-"""Experiments on many skies, and the records that store their numbers: one table, in one kind of file.
+"""Experiments on many skies, and records that store their numbers: one table, in one file format.
 
-A record stores ids and numbers. Words come from the code that shows them, so that rewording makes nothing
-stale. Its file is JSON with one line for each sky and key: where a column has several values there, such as
-those of a curve, they are a list.
+A record stores ids and numbers. Words come from the code that shows them, so rewording makes nothing stale.
+The file is JSON with one line for each sky and key: if a column has several values there, such as those of
+a curve, they are a list.
 """
 
 import json
@@ -22,17 +22,17 @@ from himap.store.parallel import dask_address
 from himap.store.provenance import Provenance, environment
 
 _FORMAT = 3
-_DIGITS = 6  # of a number: far more than two machines agree on
-_TOLERANCE = 1e-3  # of numbers that are measured again, relative to them or to the median of their key
-_SKIES, _RESTARTS = "n_realisations", "n_restarts"  # how much is measured, not how
-_FIRST = "first_sky"  # the digest of all that it is made of, defaults and files too
+_DIGITS = 6  # of a number: far more than the agreement of two machines
+_TOLERANCE = 1e-3  # of repeated measurements, relative to the number or to the median of its key
+_SKIES, _RESTARTS = "n_realisations", "n_restarts"  # the amount measured, not the way
+_FIRST = "first_sky"  # digest of all its inputs, including defaults and files
 
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """A grid of runs and a measure, which give a table with rows of many skies."""
+    """A grid of runs and a measure, which give a table with rows for many skies."""
 
-    name: str  # of its file in `himap.paper.experiments`, which has `skies` and `measure` at its top level
+    name: str  # of its module in `himap.paper.experiments`, which defines `skies` and `measure`
     chapter: str  # the notebook that shows it and whose parameters are those of the experiment
     # {column: type of its values}, in order; an absent number is NaN, an absent text or bool None. Every
     # table has the column "seed", an int, before these.
@@ -40,23 +40,23 @@ class Experiment:
     key: tuple  # columns that identify a row on one sky; the others may have several values for a key
     # From the parameters to a list of skies: objects with `survey`, whose seed identifies them, and `galaxy`.
     skies: Callable
-    measure: Callable  # product, of one of these: its rows, a list of dicts with a value for each column
-    summary: Callable  # from the table of all rows to what a terminal shows, a DataFrame of texts
-    defaults: Mapping = field(default_factory=dict)  # {parameter: value}, where it is not the chapter's
+    measure: Callable  # product, from one of these to its rows, a list of dicts with a value for each column
+    summary: Callable  # from the table of all rows to a summary for a terminal, a DataFrame of texts
+    defaults: Mapping = field(default_factory=dict)  # {parameter: value}, if it differs from the chapter's
     without: tuple = ()  # parameters of the chapter that the experiment does not have
     stated: tuple = ()  # parameters that are always stored, besides the numbers of skies, restarts and mocks
-    words: tuple = ()  # columns of text that are not compared when a sky is measured again
-    remark: Callable = lambda sky: ""  # a text for below the summary, say what such maps cannot show
-    # Makes what some skies need before they are measured: one after the other, or all at once on a cluster.
+    words: tuple = ()  # columns of text that are not compared if a sky is measured again
+    remark: Callable = lambda sky: ""  # a text below the summary, e.g. what such maps cannot show
+    # Computes products that skies need before the measure: in turn, or all at once on a cluster.
     prepare: Callable = lambda skies: None
-    # From a sky and restarts to it without these, or None; None if restarts share a measure.
+    # From a sky and restarts to the sky without these, or None; None if restarts share a measure.
     other_restarts: Callable | None = None
 
     def table(self, skies):
-        """Rows of some skies, a DataFrame with the columns of the experiment, "seed" first.
+        """Rows for some skies, a DataFrame with the columns of the experiment, "seed" first.
 
-        What the cache holds is not computed again; observations that were made for it are deleted. InputError
-        for no sky, or what the measure refuses.
+        Results in the cache are not computed again; observations made for others are deleted. InputError for
+        no sky, or errors of the measure.
         """
         if not skies:
             raise InputError(f"the experiment {self.name} needs one sky or more, got none.")
@@ -68,12 +68,12 @@ class Experiment:
 
     @staticmethod
     def restarts_of(rows):
-        """{"n_restarts": how many every sky of some rows has}; {} where they are of no restarts."""
+        """{"n_restarts": number of restarts of every sky in some rows}; {} for rows without restarts."""
         each = rows.groupby("seed")["restart"].nunique() if "restart" in rows else []
         return {_RESTARTS: int(min(each))} if len(each) else {}
 
     def frame(self, rows):
-        """A DataFrame of rows, dicts with a value for each column.
+        """A DataFrame from rows, dicts with a value for each column.
 
         ValueError for other columns, or a value of another type.
         """
@@ -91,8 +91,8 @@ class Record:
 
     experiment: Experiment
     rows: pd.DataFrame  # with its columns
-    # {name: value}: the fields of a `Provenance`, and "code", the fingerprint of the measuring code;
-    # "checked", {"code", "commit", "dirty"}, where a sky was measured again; "grown", commits of others.
+    # {name: value}: the fields of a `Provenance`; "code", the fingerprint of the measuring code;
+    # "checked", {"code", "commit", "dirty"}, if a sky was measured again; "grown", commits of additions.
     about: Mapping
 
     @property
@@ -102,23 +102,23 @@ class Record:
 
     @property
     def parameters(self):
-        """{name: value} that measure it again; folders, which belong to a machine, are not among them."""
+        """{name: value} that repeat the measurement, without folders, which are specific to a machine."""
         named = {name: self.about[name] for name in ("preset", "seed")}
         named["galaxy"] = str(self.about["galaxy"]).partition(" ")[0]  # of "templates (nside 64)"
         return named | dict(self.about["overrides"])
 
     @property
     def seeds(self):
-        """Of its skies, a list."""
+        """Seeds of its skies, a list."""
         return self.rows["seed"].unique().tolist()
 
     @property
     def codes(self):
-        """Fingerprints of code that is known to give these numbers, a list."""
+        """Fingerprints of code known to give these numbers, a list."""
         return [made["code"] for made in (self.about, self.about.get("checked")) if made]
 
     def save(self, path):
-        """Write it as JSON; the file is whole or not there."""
+        """Write it as JSON; the file is complete or absent."""
         groups = self.rows.groupby(["seed", *self.experiment.key], sort=False, dropna=False)
         lines = [[_cell(group[name].tolist()) for name in self.rows] for _, group in groups]
         head = {"format": _FORMAT, "experiment": self.experiment.name, "about": dict(self.about)}
@@ -130,7 +130,7 @@ class Record:
 
     @classmethod
     def load(cls, experiment, path):
-        """The record of an experiment in a file that `save` wrote; InputError for none, or another kind."""
+        """Read the record of an experiment from a file written by `save`; InputError for any other file."""
         command = f"`himap measure {experiment.name}`"
         if not os.path.lexists(path):
             raise InputError(f"there is no record {path}; {command} writes it.")
@@ -149,19 +149,19 @@ class Record:
         return record
 
     def check(self, rows, about, *, drawn=np.False_):
-        """This record, marked as confirmed by today's code, if that gives the same numbers of one sky.
+        """This record, marked as confirmed by today's code, if that gives the same numbers for one sky.
 
-        `rows` are of that sky, measured again, and `about` is their provenance, as of the record; numbers of
-        rows that are single draws, `drawn`, are not compared. InputError if the record was made with other
-        parameters, or has other numbers of that sky.
+        `rows` are those of that sky, measured again, and `about` is their provenance, in the form of the
+        record; `drawn` rows are single draws, whose numbers are not compared. InputError if the record was
+        made with other parameters, or has other numbers for that sky.
         """
         self.check_parameters(about)
         seed = int(rows["seed"].iloc[0])
         columns, key = [name for name in rows if name not in self.experiment.words], [*self.experiment.key]
         stored = self.rows[self.rows["seed"] == seed]
-        if "restart" in rows:  # a sky may have more of them than others
+        if "restart" in rows:  # a sky may have more restarts than others
             stored = stored[stored["restart"].isin(rows["restart"])]
-        stored, rows = (  # where restarts were added, rows are in another order
+        stored, rows = (  # rows are in another order if restarts were added
             table.sort_values(key, kind="stable", ignore_index=True)
             for table in (stored, rows.assign(drawn=drawn))
         )
@@ -184,10 +184,10 @@ class Record:
         return replace(self, about={**self.about, "checked": checked})
 
     def missing(self, skies, about):
-        """What of some skies the record does not have, a list: skies, and restarts of those that it has.
+        """Part of some skies missing in the record, a list: skies, and new restarts of its skies.
 
-        InputError if it was made with other parameters or by other code than `about` says, or with another
-        number of restarts where one cannot be measured without the others.
+        InputError if the record was made with other parameters or by other code than in `about`, or with
+        another number of restarts if these cannot be measured separately.
         """
         self.check_parameters(about)
         if all(moved(code, about["code"]) for code in self.codes):
@@ -209,7 +209,7 @@ class Record:
         return missing
 
     def grow(self, rows, about):
-        """This record with more rows, the time of all, and the commits that added to it."""
+        """This record with more rows, the total time, and the commits of the additions."""
         rows = pd.concat([self.rows, rows], ignore_index=True)
         overrides = dict(self.about["overrides"]) | {_SKIES: rows["seed"].nunique()}
         changed = {
@@ -220,9 +220,9 @@ class Record:
         return replace(self, rows=rows, about={**self.about, **changed})
 
     def check_parameters(self, about):
-        """Refuse what was made, or would be, with other parameters than the record, but for the amounts.
+        """Refuse results made with other parameters than the record, except for amounts.
 
-        InputError, which names them.
+        InputError lists the parameters.
         """
         known = ["preset", "galaxy", "seed", *({"galaxy_files", _FIRST} & self.about.keys() & about.keys())]
         ours, theirs = (
@@ -236,7 +236,7 @@ class Record:
 
 
 def _column(values, name, kind):
-    """A Series of values of one type, or of one of several."""
+    """A Series of values of one type, or of one among several."""
     kinds = kind if isinstance(kind, tuple) else (kind,)
     values = [value.item() if isinstance(value, np.generic) else value for value in values]
     if float in kinds:
@@ -248,7 +248,7 @@ def _column(values, name, kind):
 
 
 def _cell(values):
-    """The values of one key in a file: one, if they are all the same, or the list."""
+    """The values of one key in a file: one if they are all equal, otherwise the list."""
     floats = isinstance(values[0], float)
     plain = [float(f"{x:.{_DIGITS}g}") if math.isfinite(x) else None for x in values] if floats else values
     return plain[0] if all(value == plain[0] for value in plain) else plain
@@ -267,7 +267,7 @@ def _rows(columns, line):
 
 
 def _agree(name, stored, again, key):
-    """Whether a column agrees, row by row: numbers to `_TOLERANCE`, all else to the letter."""
+    """Whether a column agrees, row by row: numbers to `_TOLERANCE`, everything else exactly."""
     one, other = stored[name].to_numpy(), again[name].to_numpy()
     if stored[name].dtype != "float64":
         return np.array([_cell([a]) == _cell([b]) for a, b in zip(one, other, strict=True)])

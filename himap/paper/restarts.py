@@ -1,7 +1,7 @@
-"""What can be said of a run of SDecGMCA without the truth, and how often it is right.
+"""Diagnostics of a run of SDecGMCA without the truth, and how often they are right.
 
 A table has the columns seed, reading, restart, quantity and value (`himap.paper.experiments.flags`), one
-ensemble for each seed and reading; quantities that it does not have are skipped.
+ensemble for each seed and reading; missing quantities are skipped.
 """
 
 import numpy as np
@@ -18,14 +18,14 @@ FLAGS = {
     "contrast": ("residual follows the foreground", USED["contrast"][0]),
     "distance": ("residual far from that of the medoid", USED["distance"][0]),
 }
-"""{quantity: (what its flag is, value above which it is set)}, None for the median of the ensemble; at a
+"""{quantity: (meaning of its flag, value above which it is set)}, None for the median of the ensemble. At a
 condition of 10^4.5 eigenvalues of A^T A reach the floor of C21's code, 1e-9."""
 
 
 def members_of(table):
-    """A row for each member, a DataFrame: columns "ensemble", "failed" and a quantity each."""
+    """A row for each member, a DataFrame: columns "ensemble", "failed" and one for each quantity."""
     columns = ["seed", "reading", "restart"]
-    values = table.pivot(index=columns, columns="quantity", values="value")  # keeps what is not finite
+    values = table.pivot(index=columns, columns="quantity", values="value")  # keeps non-finite values
     known = values.dropna(axis=1, how="all")
     values = values[["mean error", *(name for name in FLAGS if name in known)]].reset_index()
     ensembles = values.groupby(columns[:2], sort=False).ngroup()
@@ -36,8 +36,8 @@ def flag_rates(table):
     """How often each flag is right, a DataFrame by quantity.
 
     "hits" of "n_failed" members that failed, "false_alarms" of "n_sound" others; and "ranked", the
-    probability that a failed member has more of the quantity than one that did not fail, which needs no
-    threshold: 0.5 is that of a coin.
+    probability that a failed member has a larger value than one that did not fail, which needs no threshold:
+    0.5 is chance level.
     """
     members, rows = members_of(table), {}
     failed = members["failed"].to_numpy()
@@ -47,7 +47,7 @@ def flag_rates(table):
         limits["either"] = 0.5
     for name, limit in limits.items():
         values = members[name]
-        if limit is None:  # it is comparable within one data set alone
+        if limit is None:  # comparable within one data set only
             values, limit = values / values.groupby(members["ensemble"]).transform("median"), 1.0
         values = values.fillna(np.inf).to_numpy()  # a record holds no infinity
         flagged = values > limit
@@ -64,10 +64,10 @@ def flag_rates(table):
 
 
 def chosen_failures(table):
-    """Of how many ensembles the member that a criterion chooses failed, {criterion: (failed, ensembles)}.
+    """Number of ensembles in which the member chosen by a criterion failed, {criterion: (failed, ensembles)}.
 
-    Criteria are the least of each quantity, "distance" that of the medoid; "any" is a member at random. A
-    quantity whose least value several members of an ensemble share chooses none.
+    Criteria are the smallest value of each quantity, "distance" that of the medoid; "any" is a random member.
+    If several members of an ensemble share the smallest value, none is chosen.
     """
     members = members_of(table)
     chosen = {"any": (int(members["failed"].sum()), len(members))}
@@ -80,7 +80,7 @@ def chosen_failures(table):
 
 
 def flag_table(table):
-    """Both as texts, a DataFrame: a row for each flag."""
+    """Both results as texts, a DataFrame: a row for each flag."""
     rates, chosen = flag_rates(table), chosen_failures(table)
     words = {name: text for name, (text, _) in FLAGS.items()}
     words["either"] = "either of the last two"
@@ -99,5 +99,5 @@ def flag_table(table):
 
 
 def share(n, of):
-    """ "12 of 16 (75 %)"; of none it is not known."""
+    """ "12 of 16 (75 %)"; a dash if there are none."""
     return f"{n} of {of} ({100 * n / of:.0f} %)" if of else "–"

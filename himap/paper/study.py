@@ -1,7 +1,7 @@
-"""What the notebooks share: one survey and sky seen through several beams.
+"""Common basis of the notebooks: one survey and sky observed through several beams.
 
-A notebook makes one `Study` of its parameters, and asks it for cases and cleaned cubes; what it
-shows is in `himap.paper.study_figures`.
+A notebook makes one `Study` from its parameters, and gets cases and cleaned cubes from it; the figures
+are in `himap.paper.study_figures`.
 """
 
 from dataclasses import dataclass, field, replace
@@ -28,7 +28,7 @@ class Study:
     template_dir: str | None = None
     small_scales: bool = True
     dimming: Dimming | None = None  # of the foregrounds along the Galactic plane
-    n_restarts: int = 1  # of a chaotic method; each of them is a method of its own, `members`
+    n_restarts: int = 1  # of a chaotic method; each is a separate method, see `members`
 
     def __post_init__(self):
         whole_number("n_restarts", self.n_restarts, 1, 10_000)
@@ -40,7 +40,7 @@ class Study:
 
     @property
     def l_top(self):
-        """2 nside: where the pixels of the maps end to matter."""
+        """2 nside: the largest multipole that the pixels represent well."""
         return 2 * self.survey.nside
 
     @cached_property
@@ -49,7 +49,7 @@ class Study:
         return Galaxy(source=self.galaxy, template_dir=self.template_dir, small_scales=self.small_scales)
 
     def case(self, beam):
-        """The `Case` of one `Beam`; InputError for a survey field, a Galaxy or a beam that cannot be."""
+        """The `Case` of one `Beam`; InputError for an invalid survey field, Galaxy or beam."""
         return pipeline.Case(survey=self.survey, galaxy=self.milky_way, beam=beam, dimming=self.dimming)
 
     def observed(self, beam):
@@ -61,27 +61,27 @@ class Study:
         return pipeline.true_spectra(self.case(beam))
 
     def separation(self, beam, remover, **options):
-        """What `remover` finds, a `Separation`; options as in `cleaned.separation`."""
+        """The `Separation` by `remover`; options as in `cleaned.separation`."""
         return cleaned.separation(self.case(beam), remover, **options)
 
     def residual(self, beam, remover, *, mask_peaks=True, channels=slice(None)):
-        """The cube that `remover` leaves, (n_channels, n_pix) float32, mK, or some channels; made anew."""
+        """The residual cube of `remover`, (n_channels, n_pix) float32, mK, or some channels; not stored."""
         self.separation(beam, remover, mask_peaks=mask_peaks)
         return cleaned.residual(self.case(beam), remover, mask_peaks, channels)
 
     def assessed(self, beam, remover, *, mask_peaks=True):
-        """How well `remover` did, an `Assessment`."""
+        """The `Assessment` of `remover`."""
         return cleaned.assessment(self.case(beam), remover, mask_peaks)
 
     def compared(self, beam, remover, *, mask_peaks=True, masked=False):
         """Both spectra against the truth, a `Comparison`.
 
-        With `masked`, without the lines of sight whose error stands out, in the residual and in the truth.
+        With `masked`, lines of sight with exceptional errors are excluded, in the residual and in the truth.
         """
         return cleaned.compared(self.case(beam), remover, mask_peaks, masked=masked)
 
     def members(self, remover):
-        """`remover` from each of `n_restarts` starts, its own first; one without restarts alone: a list."""
+        """`remover` with each of `n_restarts` starts, its own first; only itself without restarts: a list."""
         if not has_restarts(remover):
             return [remover]
         return [replace(remover, restart=remover.restart + k) for k in range(self.n_restarts)]
@@ -91,16 +91,16 @@ class Study:
         return [self.compared(beam, member, **options) for member in self.members(remover)]
 
     def medoid(self, beam, remover):
-        """Of the `members` the one to show where only one can be, as of `himap.removal.restarts.Ensemble`."""
+        """The representative of the `members` if only one is shown (`himap.removal.restarts.Ensemble`)."""
         members = self.members(remover)
         if len(members) == 1:
             return remover
         return members[cleaned.ensemble([(self.case(beam), member) for member in members]).medoid_index]
 
     def stamped(self, figure, **parameters):
-        """The figure with a line that says where it comes from, `parameters` of the figure included.
+        """The figure with a line on its provenance, including `parameters` of the figure.
 
-        The reading of SDecGMCA, `reading`, is said unless it is the default.
+        The reading of SDecGMCA, `reading`, is stated unless it is the default.
         """
         if parameters.get("reading") == "default":
             del parameters["reading"]
@@ -108,9 +108,9 @@ class Study:
         return plotting.stamp(figure, made)
 
     def prepare(self, removers, *more, mask_peaks=True):
-        """Assess the members of {beam: [method, ...]} in as many processes as `himap run --jobs` says.
+        """Assess the members of {beam: [method, ...]} in as many processes as set by `himap run --jobs`.
 
-        `more` are other products of the same arguments, such as `cleaned.post_masked`.
+        `more` are other products with the same arguments, such as `cleaned.post_masked`.
         """
         calls = [
             (self.case(beam), member, mask_peaks)
@@ -121,9 +121,9 @@ class Study:
         cleaned.make([(wanted, call) for wanted in (cleaned.assessment, *more) for call in calls])
 
     def check(self, removers):
-        """Refuse methods that do not fit the survey now, not after the simulation.
+        """Refuse methods that do not fit the survey early, before the simulation.
 
-        InputError as of `ForegroundRemover.check`, or for a beam that does not fit.
+        InputError as in `ForegroundRemover.check`, or for a beam that does not fit.
         """
         for beam, methods in removers.items():
             self.case(beam)
@@ -162,8 +162,8 @@ class Study:
 
 
 def over_restarts(remover, entries):
-    """One entry, or dictionary of entries, for `numbers.show` of those of all members of a method.
+    """One entry, or dictionary of entries, for `numbers.show` from those of all members of a method.
 
-    It has medians and bands (`himap.figures.numbers.of_restarts`); without restarts it is that of the one.
+    It has medians and ranges (`himap.figures.numbers.of_restarts`); without restarts, the single entry.
     """
     return of_restarts(entries) if has_restarts(remover) else entries[0]

@@ -1,6 +1,6 @@
-"""The figures that the notebooks share, of beams and methods of a `Study`: no number depends on them.
+"""Figures shared by the notebooks, for beams and methods of a `Study`: no number depends on them.
 
-Methods are {beam: [method, ...]}; options are as of the method of `Study` that a figure shows.
+Methods are {beam: [method, ...]}; options are those of the method of `Study` that a figure uses.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ def angular_figure(study, removers, *, titles=None, **options):
 
 
 def frequency_figure(study, removers, *, titles=None, **options):
-    """P(k) of residuals, as `angular_figure`."""
+    """P(k) of residuals, like `angular_figure`."""
     return _by_beam(study, "frequency", removers, titles or {}, options)
 
 
@@ -26,7 +26,7 @@ def _by_beam(study, kind, removers, titles, options):
         beam: {method: study.ensemble(beam, method, **options) for method in methods}
         for beam, methods in removers.items()
     }
-    panels, by_name = [], {}  # there is one legend
+    panels, by_name = [], {}  # for one legend
     for method, members in (pair for ensembles in found.values() for pair in ensembles.items()):
         by_name.setdefault(method.name, []).append(members)
     for beam, methods in removers.items():
@@ -42,7 +42,7 @@ def _by_beam(study, kind, removers, titles, options):
 
 
 def ensemble_style(style, *ensembles):
-    """A style whose label says, of lists of `Comparison` in panels in turn, how many there are and fail."""
+    """A style whose label has the numbers of members and of failures, for lists of `Comparison` by panel."""
     failed = [sum(one.fails for one in members) for members in ensembles]
     return styles.of_restarts(style, *failed, n=len(ensembles[0]))
 
@@ -50,7 +50,7 @@ def ensemble_style(style, *ensembles):
 def both_figure(study, beam, curves, **parameters):
     """P(k) left and C_l right, ratios below, as in the paper's Figs. 4, 6 and 7.
 
-    `curves` are as of `plotting.comparison_panel`; `parameters` go into the line under the figure.
+    `curves` are as in `plotting.comparison_panel`; `parameters` are added to the line under the figure.
     """
     panels = [
         _panel(study, "frequency", beam, curves, "along the line of sight"),
@@ -60,7 +60,7 @@ def both_figure(study, beam, curves, **parameters):
 
 
 def channel_figure(study, beam, remover, **options):
-    """One channel in the middle of the band: observed, cleaned, truth, and what is wrong."""
+    """One channel in the middle of the band: observed, cleaned, truth, and error."""
     observation, found = study.observed(beam), study.separation(beam, remover, **options)
     channel = study.survey.n_channels // 2
     only = slice(channel, channel + 1)
@@ -74,7 +74,7 @@ def channel_figure(study, beam, remover, **options):
         "truth": truth,
         "cleaned minus truth": residual - truth,
     }
-    span = tuple(np.percentile([residual, truth], (1, 99)))  # to be compared with each other
+    span = tuple(np.percentile([residual, truth], (1, 99)))  # the same for both, to compare them
     figure = plotting.sky_maps(
         maps, span={"cleaned": span, "truth": span}, diverging={"cleaned minus truth": True}
     )
@@ -82,7 +82,7 @@ def channel_figure(study, beam, remover, **options):
 
 
 def mixing_figure(study, beam, remover, **options):
-    """The spectra that a method removes: columns of its mixing matrix against frequency."""
+    """The spectra that a method removes: columns of its mixing matrix by frequency."""
     columns = study.separation(beam, remover, **options).mixing.T
     looks = styles.sequence([f"component {n + 1}" for n in range(len(columns))])
     curves = [(study.survey.freqs, one, look) for one, look in zip(columns, looks, strict=True)]
@@ -91,7 +91,7 @@ def mixing_figure(study, beam, remover, **options):
 
 
 def sources_figure(study, beam, remover, *, most=6, **options):
-    """The maps that go with the columns of the mixing matrix, the first `most` of them."""
+    """The maps of the first `most` columns of the mixing matrix."""
     sources = study.separation(beam, remover, **options).sources[:most]
     maps = {f"component {n + 1}": source for n, source in enumerate(sources)}
     return _of_method(study, plotting.sky_maps(maps, limits=(2, 98)), beam, remover)
@@ -109,6 +109,6 @@ def _of_method(study, figure, beam, remover):
 
 
 def _reading(*methods):
-    """{"reading": how these methods read the paper}, for the line under a figure; empty if none has to."""
+    """{"reading": readings of these methods}, for the line under a figure; empty if none has one."""
     readings = dict.fromkeys(method.reading for method in methods if hasattr(method, "reading"))
     return {"reading": " and ".join(readings)} if readings else {}

@@ -1,9 +1,9 @@
 """The claims of the paper as checks: one function for each, on one `Realisation` of the sky.
 
-A claim is broken into parts that hold or do not; those that its sentence in the paper is about are *main*.
+A claim is divided into parts that hold or do not; those that its sentence in the paper is about are *main*.
 Its verdict follows from the share of skies and restarts in which these hold (`himap.paper.claims.entries`);
-it does not apply to maps that do not hold what it is about. How the words of the paper are read is in the
-docstring of each function, which is shown with its verdict.
+it does not apply to maps that lack what it is about. How the words of the paper are read is in the docstring
+of each function, which is shown with its verdict.
 """
 
 from himap.paper.claims import beams, further, other_sections, peak_masking  # noqa: F401

@@ -1,8 +1,8 @@
-"""What claims are made of: their words and parts, and the measures and tests that many share.
+"""Elements of claims: their words and parts, and the measures and tests that many share.
 
-A word of the paper is one number, the same in every claim that uses it, but for *significant*, which the
-paper says of changes of very different size: there the claim has the number. An edge that the paper gives as
-about, such as l ~ 40, is that number itself.
+A word of the paper means one number, the same in every claim that uses it, except *significant*, which the
+paper uses for changes of very different size: its number is stated in the claim. If the paper gives a limit
+as approximate, such as l ~ 40, it is that number itself.
 """
 
 import math
@@ -26,7 +26,7 @@ METHODS = {
 BLIND = ("pca", "fastica", "gmca")
 BEAMS = ("degraded", "evolving", "oscillating")
 LEFT_IN = "{}, peaks left in"
-"""Name of the case of a beam where no peaks are masked."""
+"""Name of the case of a beam if no peaks are masked."""
 CLIPPED = {spread: f"oscillating, sigma of the {spread}" for spread in ("channel", "cube")}
 """{spread of the peak masking other than the line's (`himap.removal.peaks.SPREADS`): name of the case}."""
 
@@ -43,14 +43,14 @@ NOTABLE = 0.2  # *notable*: more than this share of all, or of what it was
 EQUAL = 0.01  # two numbers within this of each other are equal, where a part compares two
 
 PLACE = ": place "
-"""In the name of a part that is a place, which is not main and holds in those members that have it there."""
+"""Marks the name of a part that is a place, which is not main and holds in members that have it there."""
 
 REPRODUCED = "reproduced"
 IN_PART = "in part"
 UNDECIDED = "undecided"
 FAILED = "not reproduced"
 INAPPLICABLE = "does not apply"
-"""The verdicts, from the best to the worst; and where maps or scan do not hold what the claim is about."""
+"""The verdicts, from best to worst; and that for maps or a scan without what the claim is about."""
 
 SECTIONS = {
     "1": ("Sect. 1: the sky", "01_simulations"),
@@ -76,10 +76,10 @@ REGISTRY = {}
 class Part:
     """One part of a claim."""
 
-    name: str  # what it says, in a few words
-    held: bool | None  # None where its premise is absent, such as a peak to lower, which counts as False
+    name: str  # the statement, in a few words
+    held: bool | None  # None if its premise is absent, such as a peak to lower; counts as False
     main: bool = True  # whether it is what the paper's sentence is about: the verdict follows from these
-    method: str = ""  # short name of the method that it is about, or "PCA/ICA"; empty if of several or none
+    method: str = ""  # short name of its method, or "PCA/ICA"; empty for several or none
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Finding:
     """The parts of a claim in one member: a sky, and a restart of SDecGMCA."""
 
     value: float  # the measured number, NaN if it cannot be measured
-    parts: tuple  # of `Part`; none where the claim does not apply
+    parts: tuple  # of `Part`; empty if the claim does not apply
     sentence: str  # the numbers behind every part
 
 
@@ -98,20 +98,20 @@ class Claim:
     id: str
     beam: str
     section: str  # of the paper
-    figure: str  # of the paper; empty where it has none
-    number: str  # what is measured
-    paper: str  # what the paper gives for it, or the limit that its words are read as
-    notebook: str  # where the companion shows it
+    figure: str  # of the paper; empty if there is none
+    number: str  # the measured quantity
+    paper: str  # its value in the paper, or the limit that its words are read as
+    notebook: str  # the chapter that shows it
     check: Callable  # from `Realisation` to `Finding`
     statement: str  # what the paper claims, in our words
     reading: str  # how the words of the paper are read
 
 
 def claim(id, beam, section, figure, number, paper, *, notebook=""):
-    """Decorator: enter a function from `Realisation` to `Finding` as the `Claim` with these attributes.
+    """Decorator: register a function from `Realisation` to `Finding` as the `Claim` with these attributes.
 
-    The first line of its docstring is the statement, the rest the reading; without `notebook` the chapter is
-    that of the section.
+    The first line of its docstring is the statement, the rest the reading; the default `notebook` is that of
+    the section.
     """
 
     def register(check):
@@ -125,9 +125,9 @@ def claim(id, beam, section, figure, number, paper, *, notebook=""):
 
 
 def finding(value, parts, wording, form="{:.3g}"):
-    """A `Finding` whose sentence is `wording`: text, or {what: numbers as of `listing`} behind it.
+    """A `Finding` with the sentence `wording`: text, or {text: numbers as for `listing`} after it.
 
-    There is no number if the premise of every main part is absent.
+    There is no number if the premises of all main parts are absent.
     """
     if not isinstance(wording, str):
         wording = "; ".join(f"{what}: {listing(numbers, form)}" for what, numbers in wording.items()) + "."
@@ -137,22 +137,22 @@ def finding(value, parts, wording, form="{:.3g}"):
 
 
 def not_applicable(sentence):
-    """The `Finding` where maps or scan do not hold what the claim is about, which the sentence says."""
+    """The `Finding` if maps or scan lack what the claim is about, as the sentence says."""
     return Finding(math.nan, (), sentence)
 
 
 def listing(values, form="{:.3g}"):
-    """The numbers of {name: number}, one after the other; or of {beam: {name: number}}."""
+    """The numbers of {name: number}, in sequence; or of {beam: {name: number}}."""
     if any(isinstance(value, dict) for value in values.values()):
         return "; ".join(f"{beam}: {listing(row, form)}" for beam, row in values.items())
     return ", ".join(f"{name} {form.format(value)}" for name, value in values.items())
 
 
 def parts_of(values, test, words, *, main=True, method=""):
-    """A `Part` for each of {name: value}: whether `test(value)` is true; absent where the value is None.
+    """A `Part` for each {name: value}: whether `test(value)` is true; premise absent if the value is None.
 
-    PCA and ICA have the same foreground residual, and are one part: that of the worse of the two, so that it
-    holds if it does for both. A part is about the method that it has the name of, otherwise about `method`.
+    PCA and ICA have the same foreground residual, and are one part: that of the worse of the two, so it holds
+    if it does for both. A part is about the method after which it is named, otherwise about `method`.
     """
     joint = {}
     for name, value in values.items():
@@ -166,12 +166,12 @@ def parts_of(values, test, words, *, main=True, method=""):
 
 
 def places_of(best):
-    """A `Part` for the place of each of {name: place}, such as the number of sources with the least error."""
+    """A `Part` for each {name: place}, such as the number of sources with the smallest error."""
     return tuple(Part(f"{name}{PLACE}{place}", True, False, "SD") for name, place in best.items())
 
 
 def all_hold(held):
-    """False if one of them does not hold, else None if one is undecided or its premise is absent."""
+    """False if one of them is False, else None if one is undecided or its premise is absent, else True."""
     return False if False in held else None if None in held else True
 
 
@@ -181,13 +181,13 @@ def is_smaller(one, other):
 
 
 def without_sd(values):
-    """{name: number} of the methods other than SD."""
+    """{name: number} for the methods other than SD."""
     return {name: value for name, value in values.items() if name != "SD"}
 
 
 def sd_least(values):
     """Whether SD has the smallest of {name: number}, by more than the dead band."""
-    return is_smaller(values["SD"], np.min([*without_sd(values).values()]))  # not less than a NaN
+    return is_smaller(values["SD"], np.min([*without_sd(values).values()]))  # False for NaN
 
 
 def below(limit):
@@ -201,12 +201,12 @@ def above(limit):
 
 
 def smaller(value):
-    """Whether a ratio of two numbers says that the first is smaller, by more than the dead band."""
+    """Whether a ratio of two numbers means that the first is smaller, by more than the dead band."""
     return is_smaller(value, 1)
 
 
 def larger(value):
-    """Whether it says that the first is larger."""
+    """Whether it means that the first is larger, by more than the dead band."""
     return is_smaller(1, value)
 
 
@@ -215,13 +215,13 @@ recovered = below(RECOVERED)
 
 
 def each(sky, case, measure, methods=tuple(METHODS)):
-    """A measure of some methods on a case of a `Realisation`, {short name: number}."""
+    """A measure for some methods on a case of a `Realisation`, {short name: number}."""
     comparisons = sky.of(case)
     return {METHODS[name]: measure(comparisons[name]) for name in methods}
 
 
 def _most(values):
-    """What a share `CONSISTENT` of some values does not exceed."""
+    """The value that a share `CONSISTENT` of the values does not exceed."""
     return np.quantile(values, CONSISTENT, method="inverted_cdf")
 
 
@@ -237,13 +237,13 @@ STATISTICS = {
     "recovered": lambda ratios: np.mean(np.abs(ratios - 1) < RECOVERED),
 }
 """{name: function} of the ratios in a band: "error" is the mean |ratio - 1|, "deviation" the largest, and
-"within" what 95 % of them do not exceed; "below" is what 95 % of the ratios do not exceed, and "recovered"
-the share of them that are.
+"within" the value that 95 % of these do not exceed; "below" is the value that 95 % of the ratios do not
+exceed, and "recovered" the share of ratios that are recovered.
 """
 
 
 def in_band(statistic, x, ratios, low, high=np.inf):
-    """One of `STATISTICS` of the ratios where low < x < high."""
+    """One of `STATISTICS` of the ratios with low < x < high."""
     return float(STATISTICS[statistic](inside(x, ratios, low, high)))
 
 

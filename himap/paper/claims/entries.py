@@ -13,10 +13,10 @@ from himap.paper.claims import CLAIMS, FAILED, IN_PART, INAPPLICABLE, REPRODUCED
 from himap.paper.claims.base import PLACE, Claim, all_hold
 
 HOLDS = 0.84
-"""Share of the members from which a part holds."""
+"""Share of the members at or above which a part holds."""
 
 HOLDS_NOT = 0.16
-"""Share of the members up to which it does not."""
+"""Share of the members at or below which it does not hold."""
 
 _ROUNDING = 1e-9  # of a share
 
@@ -30,20 +30,20 @@ COLUMNS = {
     "main": bool,
     "held": bool,
 }
-"""{column: type} of the rows of findings: one for each part, or one without a part."""
+"""{column: type} of the rows of findings: one for each part, or one if there is no part."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A claim, and the findings on it in every member."""
+    """A claim and its findings in every member."""
 
     claim: Claim
     members: pd.DataFrame  # "value" and "sentence" by (seed, restart), the first sky and start first
-    shares: pd.DataFrame  # in what share of the members each part holds, the rows of the claim in `shares_of`
+    shares: pd.DataFrame  # share of the members in which each part holds: its rows in `shares_of`
 
     @cached_property
     def main_shares(self):
-        """Those of the main parts."""
+        """The rows of the main parts."""
         return self.shares[self.shares["main"]]
 
     @cached_property
@@ -62,26 +62,26 @@ class Entry:
 
     @property
     def label(self):
-        """The verdict; where some methods fail, which, and whether it fails only for want of its premise."""
+        """The verdict; if some methods fail, which, and whether it fails only for lack of its premise."""
         verdict, why = self._judgement
         return f"{verdict} ({why})" if why else verdict
 
     @property
     def about_sd(self):
-        """Whether a main part is about SDecGMCA; where there is none, whether the statement names it."""
+        """Whether a main part is about SDecGMCA; if there is none, whether the statement names it."""
         return "SD" in ({*self.main_shares["method"]} or self.claim.statement.split())
 
     @property
     def is_single_run(self):
-        """Whether it is about SDecGMCA, which is chaotic, and has one member: a draw, and no verdict."""
+        """Whether it is about SDecGMCA, which is chaotic, and has one member: a draw, not a verdict."""
         return self.about_sd and len(self.members) == 1
 
     @property
     def values(self):
-        """The measured number: median, and the range from 16 to 84 % of the members that have it, or NaN."""
+        """The measured number: median, and the range from 16 to 84 % over members that have it, or NaN."""
         values = self.members["value"]
         sizes = values.groupby("seed").transform("size")
-        often = math.lcm(*sizes) // sizes  # so that skies weigh the same
+        often = math.lcm(*sizes) // sizes  # so that skies have equal weight
         known = np.isfinite(values)
         if not known.any():
             return (math.nan,) * 3
@@ -90,27 +90,27 @@ class Entry:
 
     @property
     def places(self):
-        """{place: share of the members} of what the claim locates, such as a minimum; empty for others."""
+        """{place: share of the members} for a claim about a place, such as a minimum; else empty."""
         return {name.replace(PLACE, " "): mean for name, mean in self.shares["mean"].items() if PLACE in name}
 
     @property
     def sentence(self):
-        """The numbers behind it, of the first member."""
+        """The numbers for the first member."""
         return self.members["sentence"].iloc[0]
 
     @property
     def n_skies(self):
-        """How many skies there are."""
+        """Number of skies."""
         return self.members.index.unique("seed").size
 
     @property
     def n_restarts(self):
-        """The most restarts of a sky."""
+        """Largest number of restarts of a sky."""
         return int(self.members.groupby("seed").size().max())
 
 
 def finding_rows(findings, restart):
-    """The rows of {claim: `Finding`} of a restart, dicts with `COLUMNS`."""
+    """The rows of {claim: `Finding`} for a restart, dicts with `COLUMNS`."""
     return [
         {
             "restart": restart,
@@ -148,13 +148,13 @@ def entries(rows):
 
 
 def shares_of(rows):
-    """In what share of the members in which a claim applies each of its parts holds; skies weigh the same.
+    """Share of the members to which a claim applies in which each part holds; skies have equal weight.
 
-    `rows` are as of `entries`; a part that a member does not have does not hold there. The DataFrame has the
-    index (claim, part) and the columns "method" and "main", as of `Part`; "mean", the mean over skies of the
-    share of each sky's restarts; "low" and "high", the least and largest share of a sky, of one sky the
-    Wilson interval, 1 sigma, of its restarts, or of one draw where another method has none; "absent", the
-    share of the members in which the premise is absent; "holds": True, False, or None where undecided.
+    `rows` are as in `entries`; a part does not hold in a member without it. The DataFrame has the index
+    (claim, part) and the columns "method" and "main", as in `Part`; "mean", the mean over skies of the share
+    of restarts; "low" and "high", the smallest and largest share over skies, or, for one sky, the 1 sigma
+    Wilson interval of its restarts, or of one draw if another method has none; "absent", the share of the
+    members in which the premise is absent; "holds": True, False, or None if undecided.
     """
     judged, part = rows[rows["part"].notna()], ["claim", "part"]
     sizes = judged.groupby(["claim", "seed"])["restart"].nunique().rename("size").reset_index()
@@ -167,7 +167,7 @@ def shares_of(rows):
     columns |= {"absent": ("absent", "mean"), "members": ("size", "sum"), "skies": ("size", "size")}
     shares = skies.groupby(part, sort=False).agg(**columns)
     alone = shares["skies"] == 1
-    # What no restart changes is one draw: another method, or a claim about none with one value.
+    # Parts that no restart changes are one draw: another method, or a claim about none with one value.
     changed = judged.groupby("claim")["value"].nunique(dropna=False) > 1
     drawn = parts["method"].eq("SD") | (parts["method"].eq("") & parts["claim"].map(changed))
     draws = shares["members"].where(drawn.to_numpy(), 1)[alone]
@@ -178,18 +178,18 @@ def shares_of(rows):
     return parts.set_index(part).join(shares.drop(columns=["members", "skies"]))
 
 
-@cache  # it is asked for thousands of times, and takes half a millisecond
+@cache  # called thousands of times, half a millisecond each
 def wilson(count, total, z=1.0):
-    """Wilson interval of a probability, (low, high), `z` sigma, from a count of `total`."""
+    """Wilson interval of a probability, (low, high), at `z` sigma, for `count` of `total`."""
     share = 1 - 2 * norm.sf(z)
     return tuple(binomtest(int(count), total).proportion_ci(share, method="wilson"))
 
 
 def judge_shares(shares):
-    """(verdict, what it says of the methods) of the main parts of a claim, rows of `shares_of`.
+    """(verdict, words about the methods) for the main parts of a claim, rows of `shares_of`.
 
-    A method holds if all its parts do, and fails if one of them does; parts about no single method are each
-    by themselves. A claim about several methods is *in part* if it holds for one and fails for another.
+    A method holds if all its parts do, and fails if one of them fails; parts about no single method count
+    separately. A claim about several methods is *in part* if it holds for one and fails for another.
     """
     shares = list(shares.itertuples())
     groups = {}
@@ -218,7 +218,7 @@ def judge_shares(shares):
 
 
 def _which(outcome, methods, words):
-    """Texts: which methods, and which other parts, have one of the outcomes {outcome: its word}."""
+    """Texts: the methods, and the other parts, that have one of the outcomes {outcome: its word}."""
     texts = []
     for held, word in words.items():
         names = [name for name, one in outcome.items() if one is held]

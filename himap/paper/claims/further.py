@@ -1,7 +1,7 @@
-"""Claims that the paper makes in passing, and premises of it, for which it shows no number or figure.
+"""Claims and premises that the paper mentions in passing, without a number or figure.
 
-They are on the inversion of the beam, convergence, leaked foreground, point sources, noise, the cause of the
-peak, the dependence on the regularisation, and robustness.
+They concern the inversion of the beam, convergence, foreground residual, point sources, noise, the cause of
+the peak, the dependence on the regularisation, and robustness.
 """
 
 import numpy as np
@@ -32,8 +32,8 @@ from himap.paper.methods import BSS
 
 _TOLERANCES = {"warm-up": 1e-2, "refinement": 1e-4}
 _NEAR_200 = (150, 300)
-_DIGITS = 1 / np.finfo(np.float32).eps  # condition number from which float32 maps leave no digit
-_LEFT_OUT = 0.1  # of the lines of sight: those that are exceptionally bright
+_DIGITS = 1 / np.finfo(np.float32).eps  # condition number above which float32 maps have no significant digit
+_LEFT_OUT = 0.1  # share of the lines of sight that counts as exceptionally bright
 
 
 @claim("O6", "all three", "4.2", "1", "highest C/C0 of SD at l > 200", "> 1.1")
@@ -91,7 +91,7 @@ def inversion_limit(sky):
 
 
 def _onset(sky, beam):
-    """First l that strategy 3 regularises, or NaN, and the condition number of A^T H_l^2 A there, or at the
+    """First l that strategy 3 regularises, or NaN, and the condition number of A^T H_l^2 A there or at the
     end.
 
     Singular values of H_l A, whose squares are the eigenvalues of A^T H_l^2 A, keep twice the digits.

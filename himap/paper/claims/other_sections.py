@@ -53,13 +53,13 @@ def foregrounds_above_hi(sky):
 
 
 def _missing(sky, *counts):
-    """A `Finding` that says so if the scan lacks some number of sources, else None."""
+    """A `Finding` that says so if the scan lacks a number of sources, else None."""
     missing = ", ".join(str(n) for n in counts if n not in sky.scan)
     return not_applicable(f"The scan does not hold n_s = {missing}.") if missing else None
 
 
 def _best(scan, error):
-    """The number of sources with the least `error`, a function of a `Comparison`."""
+    """The number of sources with the smallest `error`, a function of a `Comparison`."""
     return min(scan, key=lambda n: error(scan[n]))
 
 
@@ -146,7 +146,7 @@ def scan_large_degrees(sky):
 
 
 def _gain(sky):
-    """Total MSE dimmed over full, {method: ratio}."""
+    """Total MSE with the dimmed over that with the full Galaxy, {method: ratio}."""
     full, dimmed = (each(sky, case, Comparison.total_error) for case in _DIMMED)
     return {name: value / full[name] for name, value in dimmed.items()}
 
@@ -179,7 +179,7 @@ def dimmed_peak(sky):
 
 
 def _recovered_shares(sky):
-    """Share of l within 10 %, {case: {method: share}}, and how much it grows with dimming, {method: more}."""
+    """Share of l within 10 %, {case: {method: share}}, and its increase with dimming, {method: increase}."""
     shares = {case: each(sky, case, angular_band("recovered", 1, 201), _THREE) for case in _DIMMED}
     full, dimmed = shares.values()
     return shares, {name: dimmed[name] - full[name] for name in full}

@@ -39,7 +39,7 @@ _PLANE = 15.0  # deg of latitude
 
 
 def _with_and_without(sky, beam, measure, methods):
-    """A measure of some methods with the masking of peaks, and without it, each {method: value}."""
+    """A measure for some methods with and without peak masking, each {method: value}."""
     return [each(sky, case, measure, methods) for case in (beam, LEFT_IN.format(beam))]
 
 
@@ -181,7 +181,7 @@ def masked_sdecgmca(sky):
 
 
 def _by_mask(sky, measure, methods, *, binned):
-    """A measure with the mask over that without it, {short name: ratio}, `binned` as the masked spectra."""
+    """A measure with the mask over that without, {short name: ratio}, if `binned` in the masked bins."""
     full = sky.unmasked if binned else sky.of("oscillating").get
     return {METHODS[name]: measure(sky.masked(name)) / measure(full(name)) for name in methods}
 
@@ -235,7 +235,7 @@ def masked_range(sky):
 
 
 def _recovered_from(x, ratios, top):
-    """The lowest x from which on up to `top` the ratios are consistently near 1; infinite if none."""
+    """The lowest x from which the ratios are consistently near 1 up to `top`; infinite if none."""
     inside = x <= top
     near = np.abs(ratios[inside] - 1) < RECOVERED
     share = np.cumsum(near[::-1])[::-1] / np.arange(len(near), 0, -1)

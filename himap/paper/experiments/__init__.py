@@ -1,4 +1,4 @@
-"""The stored measurements: one file for each, with its `EXPERIMENT`."""
+"""The stored measurements: one file each, with its `EXPERIMENT`."""
 
 from importlib import import_module
 
@@ -19,7 +19,7 @@ EXPERIMENTS = (
     "restarts",
     "transfer",
 )
-"""Their names."""
+"""Names of the experiments."""
 
 
 def find_experiment(name):
@@ -30,6 +30,6 @@ def find_experiment(name):
 
 
 def measuring_code(name, tree=None):
-    """Fingerprint of the code that measures the experiment `name`, as on disk or in a `CodeTree`."""
+    """Fingerprint of the code of the experiment `name`, as on disk or in a `CodeTree`."""
     source = f"from himap.paper.experiments.{name} import measure, skies"
     return (tree or CodeTree()).source_fingerprint(source)

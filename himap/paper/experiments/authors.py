@@ -1,7 +1,7 @@
-"""SDecGMCA from many starts, measured as the runs of its authors' public code are.
+"""SDecGMCA from many starts, measured in the same way as runs of its authors' public code.
 
 Iteration, sky and measures are those of the stored ensemble of that code
-(`himap.paper.authors_code.read_authors_ensemble`): the reading "code", thresholds on HEALPix pixels.
+(`himap.paper.authors_code.read_authors_ensemble`): the reading "code", with thresholds on HEALPix pixels.
 """
 
 import itertools
@@ -22,10 +22,10 @@ from himap.paper.record import Experiment
 from himap.store.store import product
 
 N_ITERATIONS = 30
-"""Of which A is kept."""
+"""Number of iterations whose A is stored."""
 
 FLOORS = (1e-9, 1e-14)
-"""Of the last S: that of the authors' code, and rounding."""
+"""Floors of the last S: that of the authors' code, and rounding."""
 
 _L_MAX = 64
 _BANDS = {
@@ -35,12 +35,12 @@ _BANDS = {
 
 
 def of_code(beam, *, restart=0, **options):
-    """The `SDecGMCA` that does what the authors' code did, from one start, but for `options`."""
+    """The `SDecGMCA` equivalent to the authors' code, from one start, except for `options`."""
     return sdecgmca_for(beam, **{"reading": "code", "pixels": "healpix", "restart": restart} | options)
 
 
 def skies(*, ripple="bracket", n_sources=5, n_restarts=16, **settings):
-    """A list of `Sky`, each with the methods of `n_restarts` starts; settings and errors as of `cases_of`."""
+    """A list of `Sky`, each with the methods of `n_restarts` starts; settings and errors as in `cases_of`."""
     whole_number("n_restarts", n_restarts, 1, 1000)
     cases = cases_of(Oscillating(ripple=ripple), **settings)
     methods = [of_code(cases[0].beam, restart=k, n_sources=n_sources) for k in range(n_restarts)]
@@ -50,7 +50,7 @@ def skies(*, ripple="bracket", n_sources=5, n_restarts=16, **settings):
 
 @product(name="measured_authors")
 def measure(sky):
-    """Numbers of every start on a `Sky`, rows with the columns "restart", "quantity", "x" and "value"."""
+    """Numbers for every start on a `Sky`, rows with the columns "restart", "quantity", "x" and "value"."""
     rows = []
     for case, methods in sky.methods.items():
         cleaned.make_by_case([(made, (case, one)) for made in (member, first_mixings) for one in methods])
@@ -64,7 +64,7 @@ def measure(sky):
 
 
 def rows_of(restart, curves):
-    """Rows of {quantity: {x: value}} of a start."""
+    """Rows for {quantity: {x: value}} of one start."""
     return [
         {"restart": restart, "quantity": quantity, "x": float(x), "value": float(value)}
         for quantity, curve in curves.items()
@@ -76,7 +76,7 @@ def rows_of(restart, curves):
 def first_mixings(case, remover, n_iterations=N_ITERATIONS):
     """A of an `SDecGMCA` at the start and after each of the first iterations, (n, n_channels, n_sources).
 
-    There are fewer where the iteration ends before.
+    There are fewer if the iteration ends before.
     """
     mixture, scales, start = remover.problem(cleaned.cleaning(case, remover).basis)
     steps = itertools.islice(remover.iterate(mixture, scales, start), n_iterations)
@@ -84,7 +84,7 @@ def first_mixings(case, remover, n_iterations=N_ITERATIONS):
 
 
 def growth(mixings, plain=None):
-    """Condition number of A by iteration, and the angle from the columns of another run.
+    """Condition number of A by iteration, and its angle from the columns of another run.
 
     `mixings` are A after each iteration, (n, n_channels, n_sources), and `plain` those of the other run, or
     None. Returns {"condition": {iteration: number}, "angle": {iteration: sine of the largest angle}}.
@@ -98,7 +98,7 @@ def growth(mixings, plain=None):
 
 @product
 def member(case, remover):
-    """Numbers of one start, {quantity: {iteration, or floor of the last S: value}}."""
+    """Numbers for one start, {quantity: {iteration, or floor of the last S: value}}."""
     last = {floor: replace(remover, last_floor=floor) for floor in FLOORS}
     found = cleaned.separation(case, last[FLOORS[0]]).diagnostics
     ends = [found["n_warmup"], found["n_warmup"] + found["n_refinement"]]
@@ -113,7 +113,7 @@ def member(case, remover):
 
 
 def _last_numbers(case, remover):
-    """{quantity: number} of what an `SDecGMCA` that ends at some l makes of a case."""
+    """{quantity: number} for the result of an `SDecGMCA` that ends at some l on a case."""
     result = cleaned.assessment(case, remover)
     whole, cut = (
         Comparison.of(result.power_spectra, truth, l_top=_L_MAX)
@@ -136,7 +136,7 @@ def _ratios(one):
 
 
 def _summary(rows):
-    """Quantiles over the restarts of every number but those of the first iterations."""
+    """Quantiles over restarts of every number, except those of the first iterations."""
     last = rows[(rows["x"] > 0) & ((rows["x"] < 1) | (rows["x"] > N_ITERATIONS))]
     table = last.groupby(["quantity", "x"], sort=False)["value"].quantile([0.16, 0.5, 0.84]).unstack()
     table.columns = ["16 %", "median", "84 %"]

@@ -1,4 +1,4 @@
-"""Sensitivity of methods to errors of the beam that they assume: against the truth, over several skies."""
+"""Sensitivity of methods to errors of the assumed beam: against the truth, over several skies."""
 
 import math
 from dataclasses import replace
@@ -25,15 +25,15 @@ KINDS = {
     "period": "relative error of the ripple's period",
     "beam": "another beam",
 }
-"""Kinds of errors of the beam that a method assumes."""
+"""Kinds of errors of the assumed beam."""
 
 COLUMNS = {
     "method": str,
-    "n_sources": int,  # 0 of a method that has none
-    "kind": str,  # of the error (`KINDS`), or "none" of a method that does not use the beam
-    "error": (float, str),  # its size, of "beam" the name of the assumed one; 0 of "none"
+    "n_sources": int,  # 0 for a method without
+    "kind": str,  # of the error (`KINDS`), or "none" for a method that does not use the beam
+    "error": (float, str),  # its size; the name of the assumed beam for "beam"; 0 for "none"
     "band": str,
-    "ratio": float,  # C/C0 or P/P0, the mean over the band, as are the next two
+    "ratio": float,  # C/C0 or P/P0, averaged over the band, like the next two
     "recovered": float,  # its part that is correlated with the truth
     "excess": float,  # the rest, which is mostly foreground residual
 }
@@ -50,9 +50,9 @@ _ERRORS = {
 
 
 def assumed_beam(beam, kind, error):
-    """The `Beam` that a method assumes where `kind` of `beam` is wrong by `error`.
+    """The `Beam` that a method assumes if the `kind` of `beam` has an error `error`.
 
-    InputError for an unknown kind, an error that is no number, or a ripple where the beam has none.
+    InputError for an unknown kind, an error that is no number, or a ripple if the beam has none.
     """
     if kind == "beam":
         return named(error)
@@ -73,9 +73,9 @@ def assumed_beam(beam, kind, error):
 
 @product
 def recovery_assuming(case, remover, beam):
-    """The `MockPower` of the truth by a method that assumes the `Beam` `beam`; peaks are masked.
+    """The `MockPower` of the truth for a method that assumes the `Beam` `beam`; peaks are masked.
 
-    A method that needs the noise level assumes that of the instrument.
+    A method that needs the noise level uses that of the instrument.
     """
     found = cleaned.cleaning(case, remover).with_beams(beam.of_survey(case.survey).total).separation
     wrong = cleaned.error_of(case, found)
@@ -83,10 +83,10 @@ def recovery_assuming(case, remover, beam):
 
 
 def skies(*, errors=_ERRORS, **settings):
-    """A list of `Sky` with the beams that methods assume, and the true one in any case, as ("width", 0).
+    """A list of `Sky` with the assumed beams, always including the true one, as ("width", 0).
 
-    `errors` are {kind: [error]}, as of `assumed_beam`; settings, and what is refused, are as of
-    `cases_and_methods`. Methods that do not know the beam are there for comparison.
+    `errors` are {kind: [error]}, as in `assumed_beam`; settings and errors raised are as in
+    `cases_and_methods`. Methods that do not use the beam are included for comparison.
     """
     cases, removers = grid.cases_and_methods(**settings)
     beam = cases[0].beam
@@ -96,13 +96,13 @@ def skies(*, errors=_ERRORS, **settings):
             raise InputError(f"errors of each kind are a list, such as {{'width': [0.01]}}, got {errors!r}.")
         beams |= {(kind, error): assumed_beam(beam, kind, error) for error in several}
     for assumed in beams.values():
-        assumed.of_survey(cases[0].survey)  # fails now
+        assumed.of_survey(cases[0].survey)  # fails early
     return grid.skies_of((cases, removers), beams=beams)
 
 
 @product(name="measured_beam_errors")
 def measure(sky):
-    """Ratios to the truth in each band, of each method and assumed beam of a `Sky`."""
+    """Ratios to the truth in each band, for each method and assumed beam of a `Sky`."""
     ((case, removers),) = sky.methods.items()
     work = {}
     for remover in removers:
@@ -127,7 +127,7 @@ def measure(sky):
 def median_over_skies(table):
     """Medians of ratio, recovered and excess for each method, error and judged band, a DataFrame.
 
-    Not means, which a single failed run of a chaotic method decides.
+    Medians, not means, because a single failed run of a chaotic method dominates a mean.
     """
     judged = table[table["band"].isin(JUDGED)]
     medians = judged.groupby([*_METHOD, "band"], sort=False)[["ratio", "recovered", "excess"]].median()
@@ -140,11 +140,11 @@ def worst_excess(table):
 
 
 def tolerated(table, limit=0.01):
-    """The error of each kind up to which the largest excess is at most `limit` more than with the exact beam.
+    """Error of each kind up to which the largest excess is at most `limit` above that with the exact beam.
 
-    {(method, n_sources, kind): error}. Between the errors that were tried it is interpolated in the
-    logarithms; beyond the largest it is that; it is NaN where the least is too large. Of an error of both
-    signs the worse counts.
+    {(method, n_sources, kind): error}. It is interpolated in logarithms between the tried errors; it is the
+    largest one if all are tolerated, and NaN if the smallest is not. For errors of both signs the worse one
+    counts.
     """
     excess, curves = worst_excess(table), {}
     for (*method, kind, error), value in excess.items():
@@ -165,7 +165,7 @@ def tolerated(table, limit=0.01):
 
 
 def _summary(table):
-    """The band that is furthest from 1 and that with most excess, for each method and error."""
+    """The band furthest from 1 and the band with most excess, for each method and error."""
     medians = median_over_skies(table)
     groups = medians.assign(off=(medians["ratio"] - 1).abs()).groupby(_METHOD, sort=False)
     furthest, most = (medians.loc[groups[name].idxmax()].reset_index() for name in ("off", "excess"))

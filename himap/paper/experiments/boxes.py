@@ -1,7 +1,7 @@
-"""HI of one seed in boxes of half as many, as many and twice as many cells along a side.
+"""HI of one seed in boxes of half as many, equally many and twice as many cells per side.
 
-A box of more than 1024 cells a side has the modes of the one of 1024 of the same seed (`himap.sky.box`); what
-differs between smaller ones is resolution and the draw, as for another seed.
+A box with more than 1024 cells per side has the modes of the box of 1024 with the same seed
+(`himap.sky.box`); smaller boxes differ in resolution and in the draw, as for another seed.
 """
 
 from dataclasses import replace
@@ -19,8 +19,8 @@ from himap.removal.peaks import smooth_baselines
 from himap.store.store import product, temporary
 
 COLUMNS = {"box_cells": int, "quantity": str, "band": str, "channels": str, "value": float}
-"""Cells along a side; one of `QUANTITIES`; its range of l or of k (1/MHz); the channels (MHz) that it is a
-mean over; and the value."""
+"""Cells per side; one of `QUANTITIES`; its range of l or of k (1/MHz); the channels (MHz) over which it is
+averaged; and the value."""
 
 QUANTITIES = {
     "mean": "mean temperature, mK",
@@ -30,17 +30,17 @@ QUANTITIES = {
     "flagged": "voxels beyond 5 σ, through the beam",
     "brightest": "brightest voxel through the beam, mK",
 }
-"""What is measured of HI, before the beam and through the degraded one."""
+"""Quantities measured on HI, before the beam and through the degraded one."""
 
 _K_BANDS = {"below 0.03": (0, 0.03), "0.03–0.3": (0.03, 0.3), "above 0.3": (0.3, np.inf)}
-_LEAST, _MOST = 16, 2048  # box_cells of which half and twice as many are a box
-_LEAST_CHANNELS = 8  # that the fits of the peaks take
+_LEAST, _MOST = 16, 2048  # box_cells for which half and twice as many are allowed
+_LEAST_CHANNELS = 8  # needed by the fits of peaks
 
 
 def skies(*, n_realisations=1, **settings):
-    """A list of `pipeline.Case`, each with a seed of its own; settings as of `cases_of`.
+    """A list of `pipeline.Case`, each with its own seed; settings as in `cases_of`.
 
-    InputError for a box of which half or twice as many cells along a side are none, or too few channels.
+    InputError if a box of half or twice as many cells per side is impossible, or channels are too few.
     """
     cases = cases_of(Degraded(), n_realisations=n_realisations, **settings)
     n_cells, n_channels = cases[0].survey.box_cells, cases[0].survey.n_channels
@@ -58,7 +58,7 @@ def skies(*, n_realisations=1, **settings):
 
 
 def numbers_of(case):
-    """Rows with "quantity", "band", "channels" and "value" of the HI of a `pipeline.Case`."""
+    """Rows with "quantity", "band", "channels" and "value" for the HI of a `pipeline.Case`."""
     survey = case.survey
 
     def row(quantity, value, *, band="", channels="all"):
@@ -84,7 +84,7 @@ def numbers_of(case):
 
 @product(name="measured_boxes")
 def measure(case):
-    """Rows with `COLUMNS` of a `pipeline.Case`."""
+    """Rows with `COLUMNS` for a `pipeline.Case`."""
     half = case.survey.box_cells // 2
     rows = []
     for n_cells in (half, 2 * half, 4 * half):
@@ -95,9 +95,9 @@ def measure(case):
 
 
 def table_of(rows):
-    """A DataFrame of texts: a column for each box, spectra relative to those of the largest.
+    """A DataFrame of texts: a column for each box, spectra relative to those of the largest box.
 
-    `rows` is a DataFrame with "seed" and `COLUMNS`; over skies it is the median.
+    `rows` is a DataFrame with "seed" and `COLUMNS`; values are medians over skies.
     """
     by_box = rows.pivot_table("value", ["quantity", "band", "channels"], "box_cells", "median", sort=False)
     largest = by_box.iloc[:, -1]

@@ -60,11 +60,11 @@ def realisations(
     polynomial="temperature",
     **settings,
 ):
-    """A list of `Realisation`, alike but for the seed: that of the survey, and those after it.
+    """A list of `Realisation` that differ only in the seed: that of the survey, and the following ones.
 
-    Parameters are those of the chapter: the reading of the ripple, the `Dimming`, the ends of the scan, what
-    replaces SDecGMCA, the average of C_l over channels, and the variable of the polynomial. Fewer than 5
-    skies say little about verdicts that depend on the sky. Settings, and what is refused, are as of
+    Parameters are those of the chapter: the reading of the ripple, the `Dimming`, the ends of the scan, the
+    method that replaces SDecGMCA, the average of C_l over channels, and the variable of the polynomial. Fewer
+    than 5 skies say little about verdicts that depend on the sky. Settings and errors raised are as in
     `himap.paper.grid.cases_of` and `Realisation`.
     """
     return [
@@ -83,9 +83,9 @@ def realisations(
 
 
 def judged_skies(several, readings, n_restarts):
-    """A list of `JudgedSky` of some `Realisation`, each with `n_restarts` of every `Reading` of SDecGMCA.
+    """A list of `JudgedSky` from some `Realisation`, each with `n_restarts` of every `Reading` of SDecGMCA.
 
-    There is one restart of a method that has none.
+    A method without restarts has one.
     """
     whole_number("n_restarts", n_restarts, 1, 1000)
     n_restarts = n_restarts if has_restarts(BEAM_AWARE[several[0].method][0]) else 1
@@ -101,7 +101,7 @@ def judged_skies(several, readings, n_restarts):
 
 
 def other_restarts(sky, restarts):
-    """A `JudgedSky` without some restarts; None where it has no other."""
+    """A `JudgedSky` without some restarts; None if no other remains."""
     members = {
         label: [one for one in several if one.restart not in restarts]
         for label, several in sky.realisations.items()
@@ -110,14 +110,14 @@ def other_restarts(sky, restarts):
 
 
 def skies(*, n_restarts=2, reading="default", **settings):
-    """A list of `JudgedSky`, each with `n_restarts`; other parameters as of `realisations`."""
+    """A list of `JudgedSky`, each with `n_restarts`; other parameters as in `realisations`."""
     return judged_skies(realisations(**settings), [find_reading(reading)], n_restarts)
 
 
 def judge(realisation):
-    """{id: `Finding`} of every claim on one realisation, in the order of the paper.
+    """{id: `Finding`} for every claim on one realisation, in the order of the paper.
 
-    A claim does not apply where the maps do not hold the scales that it is about.
+    A claim does not apply if the maps lack the scales that it is about.
     """
     findings = {}
     for id, claim in CLAIMS.items():
@@ -135,7 +135,7 @@ def measure(sky):
 
 
 def prepare(several):
-    """Compute what some `JudgedSky` need: readings and restarts share observations and other methods."""
+    """Compute products for some `JudgedSky`: readings and restarts share observations and other methods."""
     members = [one for sky in several for one in sky.members]
     assessments = dict.fromkeys(call for one in members for call in one.assessments)
     facts = dict.fromkeys(fact for one in members for fact in one.facts.values())
@@ -143,7 +143,7 @@ def prepare(several):
 
 
 def _summary(rows):
-    """A row for each claim, and how many have which verdict."""
+    """A row for each claim, and the number of claims with each verdict."""
     several = entries(rows)
     table = ledger_table.plain_table(several)
     count = [f"{n} {verdict}" for verdict, n in ledger_table.summary(several).items() if n]
@@ -152,13 +152,13 @@ def _summary(rows):
 
 
 def too_coarse(survey):
-    """The ids of claims that maps or HI cells of a `Survey` are too coarse to judge, a tuple."""
+    """The ids of claims for which maps or HI cells of a `Survey` are too coarse, a tuple."""
     cell, widest = (one.box_size / one.box_cells for one in (survey, PRESETS["laptop"]))
     return (_UP_TO_TOP if 2 * survey.nside < _PAPER_TOP else ()) + (_ON_PEAKS if cell > widest else ())
 
 
 def _remark(sky):
-    """What brackets are, and which claims a sky is too coarse to judge."""
+    """Explain the brackets, and list claims for which a sky is too coarse."""
     said = "In brackets: the 1σ interval of a share, the 16 to 84 % of the members of a number."
     survey, coarse, why = sky.survey, too_coarse(sky.survey), []
     if _UP_TO_TOP[0] in coarse:

@@ -1,6 +1,6 @@
-"""How often what is known of a run of SDecGMCA without the truth says that it failed.
+"""How often flags of a run of SDecGMCA that do not need the truth correctly predict its failure.
 
-Through the oscillating beam, under each of some readings; members of an ensemble differ in their start.
+For the oscillating beam, with several readings; members of an ensemble differ in their start.
 """
 
 import itertools
@@ -14,14 +14,14 @@ from himap.paper.restarts import FLAGS, flag_table
 from himap.store.store import product, temporary
 
 READINGS = ("default", "code", "follow-up")
-"""Readings of SDecGMCA that are measured: they fail in different ways, and not equally often."""
+"""Measured readings of SDecGMCA: they fail in different ways, and not equally often."""
 
 COLUMNS = {"reading": str, "restart": int, "quantity": str, "value": float}
 """{column: type}; quantities are "mean error", |C/C0 - 1| at 10 < l < 200, and those of `FLAGS`."""
 
 
 def skies(*, n_restarts=8, **settings):
-    """A list of `JudgedSky`, each with `n_restarts` of every reading; other parameters as of
+    """A list of `JudgedSky`, each with `n_restarts` of every reading; other parameters as in
     `himap.paper.experiments.claims.realisations`.
     """
     several = realisations(n_sources_min=2, n_sources_max=2, **settings)  # no scan
@@ -30,7 +30,7 @@ def skies(*, n_restarts=8, **settings):
 
 @product(name="measured_flags")
 def measure(sky):
-    """Rows with `COLUMNS` of every member on a `JudgedSky`."""
+    """Rows with `COLUMNS` for every member on a `JudgedSky`."""
     calls = {
         reading: [member.calls("oscillating")["sdecgmca"] for member in members]
         for reading, members in sky.realisations.items()
@@ -42,7 +42,7 @@ def measure(sky):
 
 
 def ensemble_rows(calls):
-    """The columns restart, quantity and value of an ensemble, arguments of `cleaned.separation`."""
+    """The columns restart, quantity and value for an ensemble, arguments of `cleaned.separation`."""
     rows = []
     for restart, (call, values) in enumerate(zip(calls, cleaned.ensemble(calls).values, strict=True)):
         known = cleaned.separation(*call).diagnostics | values

@@ -1,4 +1,4 @@
-"""All methods side by side over many skies: ratios to the truth along l and k, as they are and corrected."""
+"""All methods side by side over many skies: ratios to the truth by l and k, uncorrected and corrected."""
 
 import math
 
@@ -16,27 +16,27 @@ from himap.store.store import product
 COLUMNS = {
     "beam": str,
     "method": str,
-    "n_sources": int,  # 0 of a method that has none
+    "n_sources": int,  # 0 for a method without
     "corrected": bool,  # whether the power is divided by the transfer function (of cross power)
     "kind": str,  # "angular", C/C0, or "frequency", P/P0
-    "low": int,  # the first and last element of a bin, in steps of the axis
+    "low": int,  # first and last element of a bin, in steps of the axis
     "high": int,
-    "step": float,  # 1 for l, and the distance of two k, 1/MHz
-    "ratio": float,  # to the truth, the mean over the bin
+    "step": float,  # 1 for l, the spacing of k, 1/MHz
+    "ratio": float,  # to the truth, averaged over the bin
 }
 
 METHOD = ["beam", "method", "n_sources", "corrected"]
-"""Columns that tell curves of one kind apart."""
+"""Columns that distinguish curves of one kind."""
 
-_WIDTH = 1.2  # of a bin: its end over its beginning, but for the narrowest
+_WIDTH = 1.2  # of a bin: its end over its beginning, except for the narrowest
 
 
 def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
-    """A list of `Sky` with a case for each name of a beam; settings as of `cases_and_methods`.
+    """A list of `Sky` with a case for each beam name; settings as in `cases_and_methods`.
 
-    `methods` are pairs (name, number of sources), the number a list where it differs from beam to beam; those
-    named in `corrected` are corrected too, by so many mocks. InputError if a number is missing, a method that
-    is not there is to be corrected, or what `cases_and_methods` refuses.
+    `methods` are pairs (name, number of sources), with a list of numbers if it differs between beams. Those
+    named in `corrected` are also corrected, with `n_mocks` mocks. InputError if a number is missing,
+    `corrected` names a method that is not in `methods`, or for errors of `cases_and_methods`.
     """
     whole_number("n_mocks", n_mocks, 1, 1000)
     are_names = isinstance(beams, list | tuple) and all(isinstance(beam, str) for beam in beams)
@@ -57,7 +57,7 @@ def skies(*, beams, methods, corrected=(), n_mocks=3, **settings):
 
 
 def _of_beam(pair, place, n_beams):
-    """A pair (name, number of sources) of the beam at `place`; anything else is refused with the others."""
+    """A pair (name, number of sources) for the beam at `place`; other values are refused later."""
     match pair:
         case [name, [*numbers]] if len(numbers) != n_beams:
             raise InputError(f"{name} has {len(numbers)} numbers of sources for {n_beams} beams: one each.")
@@ -70,7 +70,7 @@ def _of_beam(pair, place, n_beams):
 
 @product(name="measured_methods")
 def measure(sky):
-    """Ratios to the truth in bins of l and k, of each beam and method of a `Sky`."""
+    """Ratios to the truth in bins of l and k, for each beam and method of a `Sky`."""
     rows = []
     for case, remover, power, transfer in grid.measured_recoveries(sky):
         first = {"beam": str(case.beam)} | grid.method_columns(remover)
@@ -81,9 +81,9 @@ def measure(sky):
 
 
 def curves(power, transfer=None):
-    """The last columns of each bin, from the `MockPower` of the truth, over a `TransferFunction` if given.
+    """The last columns for each bin, from the `MockPower` of the truth, over a `TransferFunction` if given.
 
-    Bins have even logarithmic widths in each of the `bands`, and do not cross their ends.
+    Bins have equal logarithmic widths within each of the `bands`, and do not cross their ends.
     """
     rows = []
     ratios = power.ratios()
@@ -98,7 +98,7 @@ def curves(power, transfer=None):
         edges = np.array(sorted(edges))
         ratio = ratios[kind][edges[0] : edges[-1]]
         if transfer is not None:
-            # Below 0 of a failed run of a chaotic method, which has power of its own against the mocks.
+            # Below 0 for a failed run of a chaotic method, whose output is anticorrelated with the mocks.
             ratio = quotient(ratio, getattr(transfer, kind)[edges[0] : edges[-1]])
         means = np.add.reduceat(ratio, edges[:-1] - edges[0]) / np.diff(edges)
         first = {"kind": kind, "step": float(x[1] - x[0])}
@@ -110,7 +110,7 @@ def curves(power, transfer=None):
 
 
 def middles(table):
-    """Middles of the bins, l or k in 1/MHz, a Series."""
+    """Centres of the bins, l or k in 1/MHz, a Series."""
     return table["step"] * (table["low"] + table["high"]) / 2
 
 
@@ -130,11 +130,11 @@ def in_bands(table):
 
 
 def distances(tables):
-    """How far the median over skies of the worst of the `JUDGED` bands is from 1; signed.
+    """Deviation from 1 of the median over skies of the worst of the `JUDGED` bands; signed.
 
-    {(beam, method, n_sources, corrected): distance}, below 0 where power is missing. Of some tables of the
-    experiment, such as one for each Galaxy, it is that where the distance is most. Not the mean, which a
-    single failed run of a chaotic method decides.
+    {(beam, method, n_sources, corrected): distance}, below 0 if power is missing. For several tables, such as
+    one per Galaxy, the largest distance. Medians, not means, because a single failed run of a chaotic method
+    dominates a mean.
     """
     medians = pd.concat([in_bands(table).groupby([*METHOD, "band"], sort=False).median() for table in tables])
     judged = medians[medians.index.get_level_values("band").isin(JUDGED)] - 1
@@ -142,10 +142,10 @@ def distances(tables):
 
 
 def failures(tables):
-    """On how many skies each method fails: |C/C0 - 1| at 10 < l < 200 is more than `FAILING` in the mean.
+    """Number of skies on which each method fails: the mean |C/C0 - 1| at 10 < l < 200 exceeds `FAILING`.
 
-    {(beam, method, n_sources): number of skies}, of all skies of some tables of the experiment, uncorrected;
-    from the mean C/C0 in each bin.
+    {(beam, method, n_sources): number of skies}, over all skies of several tables of the experiment,
+    uncorrected; from the mean C/C0 in each bin.
     """
     rows = pd.concat([table.assign(table=n) for n, table in enumerate(tables)])
     degree = middles(rows)
@@ -156,7 +156,7 @@ def failures(tables):
 
 
 def _summary(table):
-    """The median over skies of every band, and 16 to 84 % of the skies."""
+    """The median over skies for every band, and its 16 to 84 % range."""
     shown = in_bands(table).groupby([*METHOD, "band"], sort=False).quantile([0.5, 0.16, 0.84]).unstack()
     shown.columns = ["residual / truth", "16 %", "84 %"]
     shown = shown.map("{:.4f}".format).reset_index()

@@ -1,4 +1,4 @@
-"""How often criteria that do not use the truth find the right number of sources, and what others cost."""
+"""How often criteria without the truth find the best number of sources, and the cost of other numbers."""
 
 from dataclasses import replace
 
@@ -23,28 +23,28 @@ CRITERIA = {
     "mocks": "corrected spectra move by less than 3 %",
     "minka": "evidence (Minka 2000)",
 }
-"""What recommends a number of sources without the truth."""
+"""Criteria that recommend a number of sources without the truth."""
 
 COLUMNS = {
     "beam": str,
-    "noise": float,  # factor on that of the instrument
+    "noise": float,  # factor on the noise of the instrument
     "method": str,
     "criterion": str,  # one of `CRITERIA`
-    "recommended": int,  # the number of sources that it recommends, 0 for none
-    "best": int,  # the one whose spectra are nearest to the truth
-    # How far the worst band of C/C0 (10 <= l < 100) and P/P0 (k > 0.03) is from 1 with either: the former NaN
-    # where that number was not tried.
+    "recommended": int,  # recommended number of sources, 0 for none
+    "best": int,  # the number whose spectra are nearest to the truth
+    # Deviation from 1 of the worst band of C/C0 (10 <= l < 100) and P/P0 (k > 0.03) for either: the former
+    # NaN if that number was not tried.
     "bias": float,
     "least_bias": float,
 }
 
 
 def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
-    """A list of `Sky`, with a case for each beam and noise, and each method with 1 to n_sources_max sources.
+    """A list of `Sky`, with a case for each beam and noise, and every method with 1 to n_sources_max sources.
 
-    Beams and methods are names, noises factors on the noise, the first of them 1; settings are as of
-    `cases_and_methods`. InputError for a number outside its range, no beam, noise or method, or what a method
-    or `cases_and_methods` refuses.
+    Beams and methods are names, noises are factors on the noise, the first of them 1; settings are as in
+    `cases_and_methods`. InputError for a number outside its range, no beam, noise or method, or errors of a
+    method or of `cases_and_methods`.
     """
     whole_number("n_mocks", n_mocks, 1, 1000)
     whole_number("n_sources_max", n_sources_max, 2, 100)
@@ -71,7 +71,7 @@ def skies(*, beams, noises, methods, n_sources_max=8, n_mocks=2, **settings):
 
 @product(name="measured_n_sources")
 def measure(sky):
-    """Recommendations of every criterion for every case and method of a `Sky`, and the best number."""
+    """Recommendation of every criterion for every case and method of a `Sky`, and the best number."""
     rows = []
     for case, every in sky.methods.items():
         by_name = {}
@@ -97,7 +97,7 @@ def measure(sky):
 
 
 def _summary(table):
-    """How often each criterion is right, or wrong by how much, and the median bias over all observations."""
+    """How often each criterion is right, how far off it is, and the median bias over all observations."""
     more = (table["recommended"] - table["best"]).where(table["recommended"] > 0)
     names = ["less", "one less", "right", "one more", "more"]
     kind = pd.cut(more, [-np.inf, -2, -1, 0, 1, np.inf], labels=names).astype(object).fillna("none")

@@ -1,6 +1,6 @@
 """Every claim, and both spectra, under each reading of the open choices of SDecGMCA.
 
-Each reading is judged on the same skies and from the same restarts.
+Each reading is judged on the same skies and with the same restarts.
 """
 
 import math
@@ -14,7 +14,7 @@ from himap.store.store import product
 
 
 def skies(*, n_restarts=4, **settings):
-    """A list of `JudgedSky`, each with `n_restarts` of every reading; other parameters as of
+    """A list of `JudgedSky`, each with `n_restarts` of every reading; other parameters as in
     `himap.paper.experiments.claims.realisations`.
     """
     return judged_skies(realisations(**settings), readings().values(), n_restarts)

@@ -1,7 +1,7 @@
-"""SDecGMCA as an ensemble: skies x restarts x readings, through each beam and with other numbers of sources.
+"""SDecGMCA as an ensemble: skies x restarts x readings, with each beam and other numbers of sources.
 
-A member is a sky and a restart. Its row has both spectra over the truth, diagnostics of the iteration, and
-every claim. Readings that differ in the last S alone share the fit of A.
+A member is a sky and a restart. Its rows have both spectra over the truth, diagnostics of the iteration, and
+every claim. Readings that differ only in the last S share the fit of A.
 """
 
 import math
@@ -20,11 +20,11 @@ from himap.paper.readings import BANDS, COLUMNS, candidates, find_reading, flagg
 from himap.paper.record import Experiment
 from himap.store.store import product
 
-_N_BINS = 40  # of a curve, at most
+_N_BINS = 40  # largest number of bins of a curve
 _SPARSE = (10, 15, 20)  # numbers of sources beyond 8
 
 CASES = (*BEAMS, "dimmed")
-"""Observations that members are shown of."""
+"""Observations for which members are measured."""
 
 SCAN = "scan"
 """Case of the scan of numbers of sources, Table 1's among them, through the oscillating beam."""
@@ -33,8 +33,8 @@ SCAN = "scan"
 def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **settings):
     """A list of `JudgedSky`, each with `n_restarts` of a reading, or of every candidate for "all".
 
-    The scan has each number of sources up to 8, then 10, 15 and 20; where it has none of these, the least.
-    Settings, and what is refused, are as of `himap.paper.experiments.claims.realisations`.
+    The scan has each number of sources up to 8, then 10, 15 and 20; if it includes none of these, the
+    smallest. Settings and errors raised are as in `himap.paper.experiments.claims.realisations`.
     """
     whole = realisations(n_sources_min=n_sources_min, n_sources_max=n_sources_max, **settings)
     every = whole[0].n_sources
@@ -47,8 +47,8 @@ def skies(*, n_restarts=8, reading="all", n_sources_min=2, n_sources_max=20, **s
 def measure(sky):
     """Claims and numbers of every member on a `JudgedSky`, rows with the columns of a record.
 
-    Of a single reading there are curves too, and the scan; of many, through the other beams no more than the
-    mean error, so that a record stays small.
+    For a single reading there are also curves and the scan; for many readings, only the mean error for the
+    other beams, so that a record stays small.
     """
     empty, rows = dict.fromkeys(EXPERIMENT.columns) | {"n_sources": 0, "x": math.nan}, []
     single = len(sky.realisations) == 1
@@ -67,7 +67,7 @@ def measure(sky):
 
 
 def claim_rows(member):
-    """Claims on a `Realisation`, with their ids as quantity: rows without the other columns of a record."""
+    """Claims on a `Realisation`, with their ids as quantity: rows without other columns of a record."""
     names = ("restart", "value", "part", "method", "main", "held")
     return [
         {name: row[name] for name in names} | {"quantity": row["claim"]}
@@ -76,9 +76,9 @@ def claim_rows(member):
 
 
 def member_rows(call, *, masks=False):
-    """The columns quantity, x and value of SDecGMCA, a list of dicts; `call` as of `cleaned.assessment`.
+    """The columns quantity, x and value for SDecGMCA, a list of dicts; `call` as for `cleaned.assessment`.
 
-    With `masks` there are curves without the flagged lines of sight, and the correlation, too.
+    With `masks` there are also curves without the flagged lines of sight, and the correlation.
     """
     result, comparison = cleaned.assessment(*call), cleaned.compared(*call)
     k = comparison.k
@@ -106,22 +106,22 @@ def member_rows(call, *, masks=False):
 
 
 def _binned(x, values):
-    """Means of both in logarithmic bins of x, pairs, without the bins that are empty."""
+    """Means of both in logarithmic bins of x, pairs, without empty bins."""
     place = np.floor(np.log(x / x[0]) / np.log(x[-1] / x[0]) * _N_BINS * (1 - 1e-9))
     means = pd.DataFrame({"x": x, "value": values}).groupby(place).mean()
     return list(means.itertuples(index=False, name=None))
 
 
 def _summary(rows):
-    """Of each reading, case and number of sources how many members fail, and the median of some numbers."""
+    """For each reading, case and number of sources, the count of failures and medians of some numbers."""
     shown = ("mean error", "C/C0, 2 to 4", "P/P0, k < 0.03", "bump", "flagged", "condition")
     numbers = rows[rows["quantity"].isin(shown)]
     run, failed = ["reading", "case", "n_sources"], failures(rows)
     table = numbers.pivot_table("value", run, "quantity", "median", sort=False)
-    table = table.reindex(pd.MultiIndex.from_frame(failed[run]))  # where no number is finite there is no row
+    table = table.reindex(pd.MultiIndex.from_frame(failed[run]))  # there is no row if no number is finite
     table.insert(0, "failed", [f"{one.failed} of {one.members}" for one in failed.itertuples()])
     texts = table.reset_index().map(lambda value: f"{value:.3g}" if isinstance(value, float) else str(value))
-    return texts.replace("nan", "–")  # what is not measured of many readings
+    return texts.replace("nan", "–")  # not measured for many readings
 
 
 EXPERIMENT = Experiment(

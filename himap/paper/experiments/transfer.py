@@ -1,4 +1,4 @@
-"""How well spectra of residuals are corrected, and how often their error bars cover the truth."""
+"""Accuracy of corrected spectra of residuals, and how often their error bars cover the truth."""
 
 from dataclasses import replace
 
@@ -15,22 +15,22 @@ from himap.store.store import product
 
 COLUMNS = {
     "method": str,
-    "n_sources": int,  # 0 of a method that has none
+    "n_sources": int,  # 0 for a method without
     "band": str,
     "uncorrected": float,
     "corrected": float,
     "error_bar": float,
     "foreground": float,
 }
-"""Power over that of the truth, mean in a band such as "C/C0, 10-19": of the residual, and `corrected`.
-`error_bar` is the scatter of `corrected` over the members of the bootstrap; `foreground` the foreground
-residual, which `corrected` does not have any more, and by which it may be wrong: its systematic error."""
+"""Power over that of the truth, averaged over a band such as "C/C0, 10-19": of the residual, and `corrected`.
+`error_bar` is the scatter of `corrected` over the members of the bootstrap. `foreground` is the subtracted
+foreground residual, by which `corrected` may be wrong: its systematic error."""
 
 
 def skies(*, n_mocks=8, **settings):
-    """A list of `Sky`, each with two mocks or more that no other sky has.
+    """A list of `Sky`, each with two or more mocks that no other sky has.
 
-    Parameters and errors as of `cases_and_methods`.
+    Parameters and errors as in `cases_and_methods`.
     """
     whole_number("n_mocks", n_mocks, 2, 1000)  # one mock has no scatter
     several = grid.skies_of(grid.cases_and_methods(**settings))
@@ -39,7 +39,7 @@ def skies(*, n_mocks=8, **settings):
 
 @product(name="measured_transfer")
 def measure(sky):
-    """Ratios to the truth, corrections and error bars in each band, of each method of a `Sky`."""
+    """Ratios to the truth, corrections and error bars in each band, for each method of a `Sky`."""
     pairs = [(case, remover) for case, removers in sky.methods.items() for remover in removers]
     members = [
         (case, tuple(removers), mock, sky.mocks)
@@ -60,9 +60,9 @@ def measure(sky):
 
 
 def corrected_bands(power, left, transfer):
-    """Rows of one method, from the `MockPower` of the truth and a `TransferFunction` of two mocks or more.
+    """Rows for one method, from the `MockPower` of the truth and a `TransferFunction` of two or more mocks.
 
-    `left` is the `HarmonicPower` of what the method leaves of the foreground, as estimated from the data.
+    `left` is the `HarmonicPower` of the foreground residual of the method, as estimated from the data.
     """
     corrected, foreground, less = {}, {}, power.output.less(left)
     for kind in KINDS:
@@ -77,10 +77,10 @@ def corrected_bands(power, left, transfer):
 
 
 def with_systematic(table):
-    """The same table, its error bars with the systematic error, in quadrature.
+    """The same table, with the systematic error added to its error bars, in quadrature.
 
-    That is all of the foreground residual that was subtracted: nothing in the data says which share of the
-    residual the estimated foreground holds.
+    That is all of the subtracted foreground residual: the data do not show which share of it the estimated
+    foreground represents.
     """
     return table.assign(error_bar=np.hypot(table["error_bar"], table["foreground"]))
 
@@ -89,14 +89,14 @@ def coverage(table):
     """How often the truth is within the error bar, (hits, trials, lower and upper end of a 95 % interval).
 
     The interval is that of Clopper & Pearson (1934). Each row is a trial, although bands of one sky are not
-    independent: it is rather too narrow.
+    independent, so the interval is somewhat too narrow.
     """
     hits, trials = int(((table["corrected"] - 1).abs() < table["error_bar"]).sum()), len(table)
     return hits, trials, *binomtest(hits, trials).proportion_ci()
 
 
 def chance_of_right(trials):
-    """The probability that the interval of `coverage` contains 68 %, of so many trials with right bars."""
+    """Probability that the interval of `coverage` contains 68 %, for this many trials with correct bars."""
     ends = [binomtest(hits, trials).proportion_ci() for hits in range(trials + 1)]
     return float(
         sum(binom.pmf(hits, trials, 0.68) for hits, one in enumerate(ends) if one.low <= 0.68 <= one.high)
@@ -104,12 +104,12 @@ def chance_of_right(trials):
 
 
 def chi_squared(table):
-    """Mean of ((corrected - truth) / error bar)^2: of true bars `himap.measures.bootstrap.squared_pull`."""
+    """Mean of ((corrected - truth) / error bar)^2; expected `himap.measures.bootstrap.squared_pull`."""
     return float((((table["corrected"] - 1) / table["error_bar"]) ** 2).mean())
 
 
 def _summary(table):
-    """Means over skies for each method and band, and on how many skies the truth is within the error bar."""
+    """Means over skies for each method and band, and on how many skies the error bar covers the truth."""
 
     groups = table.groupby(["method", "n_sources", "band"], sort=False)
     means = groups[["uncorrected", "corrected", "error_bar", "foreground"]].mean()
