@@ -253,7 +253,7 @@ class Realisation:
         return self._fact("flagged")
 
     def without_brightest(self, method):
-        """Excluded shares of the lines of sight with brightest foreground, and the highest P/P0 near k = 0.31.
+        """Excluded shares of the lines of sight with brightest foreground, and highest P/P0 near k = 0.31.
 
         The last value excludes the share `evidence.CONTROL` of the faintest lines instead.
         """
