@@ -67,7 +67,7 @@ USUAL = {
         ("claims", {"ripple": "square"}, "ripple"),
         ("claims", {"plane_weight": 2.0}, "at most 1"),
         ("claims", {"reading": "backwards"}, "got 'backwards'"),
-        ("claims", {"method": "pca"}, "in the place of SDecGMCA can stand"),
+        ("claims", {"method": "pca"}, "SDecGMCA can be replaced by"),
         ("restarts", {"reading": "words"}, "reading must be one of"),
         ("claims", {"average": "median"}, "average must be one of means, ratios, middle, got 'median'"),
         ("claims", {"polynomial": "log"}, "variable must be temperature or logarithm, got 'log'"),

@@ -54,7 +54,7 @@ def check_room(what, n_bytes):
     if n_bytes > limit:
         raise InputError(
             f"{what} needs about {n_bytes / 1e9:.3g} GB, and {limit / 1e9:.3g} GB may be used: take fewer "
-            "channels, or a lower nside (healpy.ud_grade); a machine with more memory does too, and the "
+            "channels, or a lower nside (healpy.ud_grade); a machine with more memory also helps, and the "
             f"variable {LIMIT_VARIABLE} sets what may be used. If it should not be that large, the file is "
             "damaged."
         )

@@ -38,7 +38,7 @@ def reading(path, kind=None):
         if kind is None:
             raise
         raise InputError(
-            f"{path} cannot be read as {kind} ({type(error).__name__}: {error}). Is it whole?"
+            f"{path} cannot be read as {kind} ({type(error).__name__}: {error}). Is it complete?"
         ) from None
 
 

@@ -1,7 +1,7 @@
-"""The one table: aligned text on a terminal, HTML in notebooks and reports, Markdown in the book's pages.
+"""The table format: aligned text on a terminal, HTML in notebooks and reports, Markdown in the book.
 
-`tabulate` writes text and Markdown. In its HTML cells are as wide as their column, so that one number that
-moves within its tolerance would change the text of the others.
+`tabulate` writes text and Markdown. Its HTML pads cells to the width of their column, so a number that
+changes within its tolerance would change the text of the others.
 """
 
 import html
@@ -17,12 +17,12 @@ class HTML(str):
 
 
 class Table:
-    """Texts in rows and columns, to print or to end a notebook cell with, and a note, a line under it.
+    """Texts in rows and columns, to print or for the end of a notebook cell, with a note, a line below.
 
     The header has a text for each column, or none. Rows are sequences of cells, shown as `str` has them; the
-    first names its row; in HTML all that is not `HTML` is escaped. Columns are aligned by the letters of
-    `align`, "l" (left) or "r" (right), left beyond. What is aligned right is a number, and no line of HTML
-    breaks in it.
+    first names its row; in HTML everything except `HTML` is escaped. Columns are aligned by the letters of
+    `align`, "l" (left) or "r" (right), further ones left. Right-aligned cells are numbers, in which HTML does
+    not break lines.
 
     >>> Table(["method", "n"], [["PCA", 4], ["SDecGMCA", 5]], align="lr")
     method    n
@@ -38,7 +38,7 @@ class Table:
         return "\n".join(filter(None, [self._written("plain", str), self.note]))
 
     def html(self):
-        """The table within a box of class "himap-table", which scrolls where the page is narrow."""
+        """The table in a box of class "himap-table", which scrolls if the page is narrow."""
         note = f"<small>{_escaped(self.note)}</small>" if self.note else ""
         rows = [_row(cells, self._align) for cells in self.rows]
         if self.header:
@@ -49,7 +49,7 @@ class Table:
     _repr_html_ = html
 
     def markdown(self):
-        """The lines of a table in a page, whose cells are Markdown; a bar in a cell stays one."""
+        """The lines of a table in a page, whose cells are Markdown; bars in cells are escaped."""
         lines = self._written("pipe", lambda cell: str(cell).replace("|", r"\|")).splitlines()
         return [*lines, "", self.note] if self.note else lines
 

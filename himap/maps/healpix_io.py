@@ -131,7 +131,7 @@ def _only_table(file, *, first):
 
 
 def _maps_of(hdu, header, columns, partial, held, letters):
-    """The maps in some columns of a table, (n, n_pix) float32 or float64; `header` as of `HealpixFile`.
+    """The maps in some columns of a table, (n, n_pix) float32 or float64; `header` as in `HealpixFile`.
 
     NaN where a pixel is UNSEEN, the TNULL of its column or BAD_DATA, or has no value.
     """
@@ -322,6 +322,6 @@ def agreed(stated, header_freq, path):
     if not close.any():
         raise InputError(
             f"names and headers must agree about frequencies: the name of {path} says {stated.freq:g} MHz, "
-            f"and FREQ in its header {header_freq:g}. Rename the file, or mend the header."
+            f"and FREQ in its header {header_freq:g}. Rename the file, or correct the header."
         )
     return float(values[close.argmax()])

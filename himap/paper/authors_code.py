@@ -54,7 +54,7 @@ class AuthorsCode:
                 raise ValueError(f"it lacks {', '.join(sorted(missing))}")
         except (OSError, ValueError) as error:
             raise InputError(
-                f"{path} does not hold the numbers of the authors' code ({error}); they lie in tests/data of "
+                f"{path} does not hold the numbers of the authors' code ({error}); they are in tests/data of "
                 "a checkout."
             ) from None
         return cls(arrays=arrays)
@@ -121,7 +121,7 @@ def read_authors_ensemble(path):
         ]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
-            f"{path} does not hold the ensemble of the authors' code ({error!r}); it lies in tests/data of a "
+            f"{path} does not hold the ensemble of the authors' code ({error!r}); it is in tests/data of a "
             "checkout."
         ) from None
     return pd.DataFrame(rows, columns=[*keys, "quantity", "x", "value"])

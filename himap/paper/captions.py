@@ -11,7 +11,6 @@ def of_sdecgmca(method, nside):
 
     A sentence without its full stop. Choices on which the text is silent are listed if they differ from the
     letter. `nside` is that of the maps, which represent multipoles well up to 2 nside.
-
     """
 
     def say(name, value):

@@ -68,7 +68,7 @@ def residual(case, remover, region, way):
     if way not in WAYS:
         raise InputError(f"a way must be {', '.join(WAYS[:-1])} or {WAYS[-1]}, got {way!r}.")
     if getattr(remover, "beyond", None) == "cut":
-        raise InputError(f"what {remover.name} leaves ends at some l, which a mask mixes with others.")
+        raise InputError(f"the residual of {remover.name} ends at some l, which a mask mixes with others.")
     if way == "dimmed":
         case = replace(case, dimming=Dimming())
     if way != "inside":

@@ -52,7 +52,7 @@ def beam_aware_for(beam, method="sdecgmca", **options):
     `options`; InputError for another method, an unknown option, or an invalid value.
     """
     if method not in BEAM_AWARE:
-        raise InputError(f"in the place of SDecGMCA can stand {', '.join(BEAM_AWARE)}, got {method!r}.")
+        raise InputError(f"SDecGMCA can be replaced by {', '.join(BEAM_AWARE)}, got {method!r}.")
     kind, columns = BEAM_AWARE[method]
     row = table_1(beam)
     return with_fields(kind, {name: row[name] for name in columns} | options)

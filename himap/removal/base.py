@@ -119,7 +119,7 @@ class ForegroundRemover(ABC):
         except np.linalg.LinAlgError as error:
             raise InputError(
                 f"{self.name} cannot solve its equations for these maps ({error}): the brightest part is too "
-                "much brighter than the faintest. Take another method, or maps in float64."
+                "bright relative to the faintest. Use another method, or maps in float64."
             ) from None
         found = found if found.means is not None else replace(found, means=whole.means)
         found.check(type(self).__name__, whole.maps.shape)

@@ -83,7 +83,7 @@ class BeamSubspace(ForegroundRemover):
             raise InputError(
                 f"the mask keeps {kept.mean():.2%} of the sky; farther from its edge than the beam reaches "
                 f"there are {n_modes:.0f} modes to l = {lmax}, and {needed} channels need as many. Keep more "
-                "of the sky, or use a method that takes each line of sight as it comes, such as pca."
+                "of the sky, or use a method that needs no neighbouring pixels, such as pca."
             )
 
     def _separate(self, data):

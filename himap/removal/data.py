@@ -18,7 +18,7 @@ from himap.removal.covariance import channel_covariance
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Data:
-    """Maps of observed pixels, and what is known of them.
+    """Maps of observed pixels and their metadata.
 
     Attributes
     ----------
@@ -226,8 +226,8 @@ def _refuse_dead_channels(label, maps, missing):
     varies = np.array([np.ptp(row) > 0 for row in rows])
     if varies.any() and not varies.all():
         raise InputError(
-            f"{label} must vary over the sky, and channel {varies.argmin()} has one value everywhere, as a "
-            "dead one; leave it out."
+            f"{label} must vary over the sky, but channel {varies.argmin()} has one value everywhere, like "
+            "a dead channel; leave it out."
         )
 
 

@@ -1,4 +1,4 @@
-"""Gaussian process regression: what is smooth in frequency is foreground."""
+"""Gaussian process regression: emission that is smooth in frequency is foreground."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -161,7 +161,7 @@ def _deviation_of_sky(maps, basis, spread, weights):
     if spread not in SPREADS:
         raise InputError(f"spread must be one of {', '.join(SPREADS)}, got {spread!r}.")
     if weights is not None and spread != "line":
-        raise InputError(f"where voxels have weights the spread is that of the line, got {spread!r}.")
+        raise InputError(f"with weights of voxels the spread must be that of the line, got {spread!r}.")
     if spread in ("line", "mad"):
         return None
     squares = np.zeros((len(maps), 1))

@@ -138,7 +138,7 @@ def _read_map(path):
     n_bad = np.count_nonzero(~np.isfinite(pixels))
     if n_bad:
         raise InputError(
-            f"{path.name} has {n_bad} of {len(pixels)} pixels that are NaN, infinite, UNSEEN or not there; "
+            f"{path.name} has {n_bad} of {len(pixels)} pixels that are NaN, infinite, UNSEEN or absent; "
             "templates need a value in every pixel. Fill the holes first."
         )
     return to_ring(pixels) if file.nested else pixels, file
@@ -157,7 +157,7 @@ def _positive(pixels, label):
     if n_bad > _NOT_POSITIVE * len(pixels) or not np.isfinite(pixels).all():
         raise InputError(
             f"{label}: an intensity must be finite and positive, but {n_bad} of {len(pixels)} pixels are "
-            f"not, and himap mends at most {_NOT_POSITIVE:.0%}. Fill them, or give another template."
+            f"not, and himap repairs at most {_NOT_POSITIVE:.0%}. Fill them, or give another template."
         )
     if n_bad:
         smallest = pixels[~bad].min()
