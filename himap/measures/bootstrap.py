@@ -31,7 +31,7 @@ def chance_of(n_sigma, n_mocks):
 def squared_pull(n_mocks):
     """Expected mean of (error / `sigma` of `n_mocks`)^2 for correct error bars; infinite for three or fewer.
 
-    The error is Gaussian, its scale follows Student: 1 for many mocks, more for few.
+    A Gaussian variable over an estimate of its width: 1 for many mocks, more for few.
     """
     if n_mocks <= 3:
         return np.inf

@@ -89,7 +89,7 @@ def angular_power(maps, *, mask=None, bin_width=None):
     is subtracted from every channel and not restored: the bin of l = 0 and 1, or l = 0 for bins of one l, is
     then meaningless. A bin of a steep spectrum differs slightly from the mean of the spectrum: for (l + 3)^-2
     the first two bins are 10 % low with 30 % of the sky and 25 % with 10 %, further ones 2 to 4 %; ratios to
-    a truth with the same mask are right. with the same mask are right.
+    a truth with the same mask are right.
 
     Parameters
     ----------

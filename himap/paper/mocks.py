@@ -206,7 +206,7 @@ def mocks_of_sky(seed, n_mocks):
 def first_mocks(n_mocks, cases):
     """`n_mocks` default mocks for `cases` with ascending seeds, the same for any number of cases: from 1.
 
-    If skies have these seeds, they are those of `mocks_of_sky` for the first sky.
+    If skies have these seeds, the mocks are those of `mocks_of_sky` for the first sky.
     """
     first = cases[0].survey.seed
     return [*mocks_of_sky(first, n_mocks)] if first <= n_mocks else [Mock(seed=1 + n) for n in range(n_mocks)]

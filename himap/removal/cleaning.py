@@ -37,7 +37,7 @@ class Cleaning:
 
     @classmethod
     def of(cls, data, method, *, peaks=True, **fields):
-        """The `Cleaning` of data; with `peaks`, they are masked for the separation (Sect. 4.1)."""
+        """The `Cleaning` of data; with `peaks`, its peaks are masked for the separation (Sect. 4.1)."""
         return cls(data=data, method=method, basis=without_peaks(data) if peaks else data, **fields)
 
     @cached_property

@@ -46,7 +46,7 @@ def ranked(values, rank):
 
 @njit(cache=True)
 def _bin(key):
-    """Leading bits of a float64, in the order of the numbers: for negative ones the bits are reversed."""
+    """Leading bits of a float64, in the order of the numbers: the bits of negative ones are inverted."""
     ordered = ~key if key < 0 else key ^ _SIGN
     return (ordered >> _BITS) & (_BINS - 1)
 

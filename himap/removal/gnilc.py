@@ -263,7 +263,7 @@ def expected_covariance(covariance, freqs, degree):
 
 
 def _smoothed(variance):
-    """A cubic through the logarithms of `variance`, exponentiated."""
+    """The exponential of a cubic fitted to the logarithms of `variance`."""
     place = np.linspace(-1, 1, len(variance))
     order = min(_ORDER, len(variance) - 1)
     floor = np.finfo(float).tiny

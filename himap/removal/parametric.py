@@ -130,9 +130,9 @@ class _TwoPowerLaws:
     def series(self, lines, weights):
         """Chebyshev series of each line's coefficient along q2(beta), (degree + 1, n_pix).
 
-        q2 is orthogonal to q1 in the sum over w x y. The weighted squares of the residual are least where the
-        square of this coefficient is largest. Lines, (n_channels, n_pix) float64, are finite; weights have
-        that shape, or (n_channels, 1).
+        It is along the unit vector that q2(beta) adds to q1, in the scalar product sum w x y: the weighted
+        squares of the residual are least where its square is largest. Lines, (n_channels, n_pix) float64, are
+        finite; weights have that shape, or (n_channels, 1).
         """
         nodes = chebyshev.chebvander(chebyshev.chebpts1(_DEGREE + 1), _DEGREE)
         second = nodes @ self.q2

@@ -141,7 +141,7 @@ class SDecGMCA(ForegroundRemover):
 
     @property
     def iteration(self):
-        """This method with default choices for the last S: methods equal in this share their `fit`."""
+        """This method with the letter's choices for the last S: methods equal in this share their `fit`."""
         of_last = "last_floor", "last", "last_coefficients", "beyond", "last_tolerance"
         common = {name: READINGS["letter"][name] for name in of_last}
         return replace(self, reading="letter", **common)
