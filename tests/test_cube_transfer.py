@@ -29,7 +29,7 @@ from himap.cubes.spectra import compared, spectra_of
 from himap.maps import sphere
 from himap.maps.masks import bin_matrix
 from himap.measures.bootstrap import covariance
-from himap.measures.spectra import angular_power, frequency_power
+from himap.measures.spectra import angular_power, decouple, frequency_power
 from himap.measures.transfer import harmonic_power
 from himap.removal import GNILC, PCA, Parametric, Polynomial
 from himap.removal.smooth_posterior import SmoothForeground, products_of
@@ -434,12 +434,20 @@ class TestMeasured:
         """Which scatter more than the spectra of the masked maps."""
         part = clean_cube(cube.within(first(0.3)), "pca", n_sources=2)
         mocks = [blue(rng)[:, part.cube.mask] for _ in range(3)]
-        found = corrected_by(part, mocks)[0]["angular"]
+        both, transfer = corrected_by(part, mocks)
+        found = both["angular"]
         powers = np.array(
             [angular_power(part.cube.on_sphere(one), mask=part.cube.sky_mask).mean for one in mocks]
         )
         expected = (powers / powers.mean(axis=0) - 1) * np.sqrt(3 / 2)
         assert found.sample == pytest.approx(expected[:, 1 : 1 + len(found.x)], abs=1e-3)
+        put_in = np.array([mock.input.angular for mock in transfer.mocks])
+        corrected, true = (
+            decouple(power, part.cube.sky_mask.astype(float)).cl
+            for power in (put_in * (1 + transfer.errors("angular")), put_in)
+        )
+        expected = corrected / true - 1
+        assert found.errors == pytest.approx(expected[:, 1 : 1 + len(found.x)], abs=1e-6)
 
     def test_few_channels_have_the_foreground_of_the_method(self, cube, rng):
         few = by_pca(replace(cube, maps=cube.maps[:6], freqs=cube.freqs[:6]))
