@@ -58,8 +58,12 @@ def median(values):
     upper = ranked(values, n // 2)
     if n % 2:
         return upper
-    below = values[values < upper]  # contains the number before `upper`, unless that is equal to `upper`
-    return 0.5 * (below.max() + upper) if len(below) == n // 2 else upper
+    n_below, before = 0, -np.inf  # the number before `upper`, unless that is equal to `upper`
+    for value in values:  # array expressions would allocate memory of the size of `values`
+        if value < upper:
+            n_below += 1
+            before = max(before, value)
+    return 0.5 * (before + upper) if n_below == n // 2 else upper
 
 
 @njit(cache=True)
