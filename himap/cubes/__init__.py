@@ -1,4 +1,4 @@
-"""Cubes of one's own: read, cleaned by any of the methods, judged, and written as they came."""
+"""Users' cubes: read, cleaned by any of the methods, assessed, and written in the layout of the input."""
 
 from himap.cubes.cleaning import beams_of, clean_cube
 from himap.cubes.corrected import correct

@@ -1,8 +1,8 @@
-"""A cross-check of corrected power: residual power in parts of the sky, extrapolated to no foreground.
+"""Cross-check of corrected power: residual power by foreground brightness, extrapolated to no foreground.
 
-Foreground residual is brighter where the foreground is; HI and noise are not. The extrapolation uses neither
-an estimate of the residual nor a beam. The brightest part determines the line, so that a residual that is as
-bright in all others is not seen.
+Foreground residual increases with the foreground, HI and noise do not. The extrapolation needs neither an
+estimate of the residual nor a beam. The brightest part dominates the linear fit, so a residual that is
+equally bright in all other parts is not detected.
 """
 
 from dataclasses import dataclass
@@ -15,19 +15,19 @@ from himap.measures.bootstrap import LEVEL, chance_of, sigma
 from himap.measures.spectra import frequency_power
 
 N_PARTS = 5
-"""Parts of the sky with as many pixels each."""
+"""Number of parts of the sky, with equal numbers of pixels."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:
-    """The seen pixels of a cleaned cube, in parts by the brightness of its foreground, the faintest first.
+    """Observed pixels of a cleaned cube, divided by the brightness of its foreground, faintest first.
 
     Attributes
     ----------
     pixels
-        Indices of the pixels of each part, a list.
+        Indices of the pixels of each part, a list of arrays.
     brightness
-        Mean squared foreground of each part over that of all, (`N_PARTS`,).
+        Mean squared foreground of each part, relative to that of all pixels, (`N_PARTS`,).
     """
 
     pixels: list
@@ -35,7 +35,7 @@ class Parts:
 
     @classmethod
     def of(cls, cleaned):
-        """Those of a `CleanedCube`."""
+        """The `Parts` of a `CleanedCube`."""
         separation, squares = cleaned.separation, np.empty(cleaned.cube.maps.shape[1])
         for block in blocks(len(squares)):
             lines = separation.foreground.lines(block) + separation.means[:, None]
@@ -49,26 +49,26 @@ class Parts:
         return np.array([frequency_power(residual[:, part], channel_width).power for part in self.pixels])
 
     def without(self, ratios):
-        """Ratios (..., `N_PARTS`) at the brightness 0, by a line through them, (...)."""
+        """Ratios (..., `N_PARTS`) extrapolated linearly to zero brightness, (...)."""
         design = np.vander(self.brightness, 2, increasing=True)
         return ratios @ np.linalg.pinv(design)[0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """Residual power in parts of the sky in one band of k, over T times the corrected power.
+    """Residual power by foreground brightness in a band of k, relative to T times the corrected power.
 
     Attributes
     ----------
     ratios
-        In each part; where mocks have more than on average they are less by that.
+        For each part, divided by the same ratio for the mocks.
     without
-        The same extrapolated to no foreground: 1 if the foreground residual is what was subtracted.
+        Extrapolated to no foreground: 1 if the subtracted foreground residual is correct.
     error
-        Of `without` - 1: of the extrapolation, from mocks compared with each other, error bar and systematic
-        error of the corrected power, in quadrature; NaN where one mock is all.
+        Of `without` - 1: extrapolation error from mocks compared with each other, error bar and systematic
+        error of the corrected power, in quadrature; NaN for a single mock.
     chance
-        That it is as far from 1.
+        Probability of a deviation from 1 at least as large.
     """
 
     ratios: np.ndarray
@@ -78,7 +78,7 @@ class Band:
 
 
 def by_brightness(cleaned, transfer, corrected):
-    """{band of k: `Band`} of a `CleanedCube`, its `CubeTransfer`, and what `correct` makes of it."""
+    """{band of k: `Band`} for a `CleanedCube`, its `CubeTransfer`, and the result of `correct`."""
     parts, n_mocks = transfer.parts, len(transfer.mocks)
     own, power = parts.powers(cleaned.residual, cleaned.cube.channel_width)[:, 1:], {}
     for name, (one, inside) in in_bands(corrected).items():
@@ -98,12 +98,12 @@ def by_brightness(cleaned, transfer, corrected):
 
 
 def _shape(powers):
-    """Powers (..., `N_PARTS`) over their mean."""
+    """Powers (..., `N_PARTS`) divided by their mean."""
     return powers / powers.mean(axis=-1, keepdims=True)
 
 
 def brightness_table(power):
-    """A `Table` of what `by_brightness` gives."""
+    """A `Table` of the result of `by_brightness`."""
     rows = [
         [name, *map("{:.4f}".format, [*one.ratios, one.without]), f"{one.error:.2%}", f"{one.chance:.2g}"]
         for name, one in power.items()
@@ -111,18 +111,18 @@ def brightness_table(power):
     middle = [f"{n}" for n in range(2, N_PARTS)]
     header = ["fifths of the sky", "faintest", *middle, "brightest", "no foreground", "error", "chance"]
     note = (
-        "Residual power by the brightness of the foreground, over T times the corrected power; extrapolated "
-        "to no foreground, with the error of this and of the corrected power, and the chance that it is as "
-        "far from 1."
+        "Residual power by foreground brightness, relative to T times the corrected power; extrapolated to "
+        "no foreground, with the error of this and of the corrected power, and the probability of a "
+        "deviation from 1 at least as large."
     )
     return band_table(header, rows, note)
 
 
 def remarks_on_brightness(power):
-    """What the user should know of it, a list of sentences."""
+    """Remarks on significant deviations, a list of sentences."""
     unlike = [name for name, one in power.items() if one.chance * len(power) < LEVEL]
     return [
-        f"The corrected power is not that of the residual extrapolated to no foreground, in "
-        f"{', '.join(unlike)}: the foreground residual is not what was subtracted, the beam is another, or "
-        "noise is distributed unlike that of the mocks."
+        f"The corrected power differs from that of the residual extrapolated to no foreground in "
+        f"{', '.join(unlike)}: the subtracted foreground residual is wrong, the beam differs, or the noise "
+        "is not distributed as in the mocks."
     ] * bool(unlike)

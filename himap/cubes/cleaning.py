@@ -1,4 +1,4 @@
-"""Foregrounds removed from a cube by any method, with its beams, and the cleaned cube."""
+"""Foreground removal from a cube by any method, with its beams, and the cleaned cube."""
 
 import warnings
 from dataclasses import dataclass, field, replace
@@ -22,7 +22,7 @@ _LEAST_FOR_PEAKS = 8
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CleanedCube(Cleaning):
-    """The `Cleaning` of the seen pixels of a `Cube`; where a voxel is missing the residual is 0.
+    """The `Cleaning` of the observed pixels of a `Cube`; the residual is 0 in missing voxels.
 
     Attributes
     ----------
@@ -37,46 +37,46 @@ class CleanedCube(Cleaning):
 
     @property
     def residual_with_nan(self):
-        """The residual, (n_channels, n_seen), NaN where a voxel is missing."""
+        """The residual, (n_channels, n_seen), NaN in missing voxels."""
         missing = self.cube.missing
         return self.residual if missing is None else np.where(missing, np.float32(np.nan), self.residual)
 
     @property
     def foreground(self):
-        """What was subtracted, the mean of every channel included, in the precision of the cube."""
+        """The subtracted foreground, including the mean of each channel, in the precision of the cube."""
         return self.maps - self.residual
 
     @property
     def remarks(self):
-        """What the user should know of the result, a list of sentences."""
+        """Remarks on the result, a list of sentences."""
         lmax = self.separation.lmax
         remarks = remarks_on_one(self) if self.ensemble is None else self.ensemble.remarks
         if not (self.separation.converged or has_restarts(self.method)):
             remarks.append(f"{self.method.name} stopped before it converged.")
         if not (self._keeps_peaks or can_stand_out(self.cube.freqs)):
             remarks.append(
-                f"In {len(self.cube.freqs)} channels none can stand out by 5 standard deviations of them "
-                "all: no peak is masked."
+                f"In {len(self.cube.freqs)} channels no value can exceed 5 standard deviations of all: no "
+                "peak is masked."
             )
         if lmax is not None:
             remarks.append(
-                f"{self.method.name} finds nothing beyond l = {lmax}: the residual ends there, "
-                "but for peaks that were masked; compare it with what ends there too."
+                f"{self.method.name} estimates nothing beyond l = {lmax}: the residual ends there, except "
+                "for masked peaks; compare it with maps that end there too."
             )
         return remarks
 
     def with_restarts(self, n):
-        """The medoid of `n` restarts, from this one on, with the `Ensemble` of all; errors as of it."""
+        """The medoid of `n` restarts, starting with this one, with its `Ensemble`; raises the same errors."""
         ensemble = Ensemble.of(self, n)
-        medoid, _ = replace(ensemble.medoid), ensemble.medoid.residual  # made once
+        medoid, _ = replace(ensemble.medoid), ensemble.medoid.residual  # computed once
         vars(medoid).update(vars(ensemble.medoid), ensemble=ensemble)
         return medoid
 
 
 def check_cleaned(cleaned):
-    """Refuse what is no `CleanedCube`."""
+    """Refuse anything but a `CleanedCube`."""
     if not isinstance(cleaned, CleanedCube):
-        raise InputError(f"it takes a CleanedCube, as clean_cube gives it, got {type(cleaned).__name__}.")
+        raise InputError(f"expected a CleanedCube, as returned by clean_cube, got {type(cleaned).__name__}.")
 
 
 def clean_cube(cube, method, *, beams=None, peaks=True, restarts=None, seed=2025, **parameters):
@@ -87,34 +87,34 @@ def clean_cube(cube, method, *, beams=None, peaks=True, restarts=None, seed=2025
     cube
         A `Cube` (`read_cube`).
     method
-        Name of a method, such as "pca"; or a `ForegroundRemover`.
+        Name of a method, such as "pca", or a `ForegroundRemover`.
     beams
         b_l, (n_channels, lmax + 1), for methods that use them (`beams_of`).
     peaks
         Whether the foreground is estimated from maps whose peaks are masked (paper, Sect. 4.1).
     restarts
-        From how many starts a chaotic method, SDecGMCA, cleans it; 4 unless given. The result is the medoid.
+        Number of starts of a chaotic method, SDecGMCA; default 4. The result is the medoid.
     seed
-        Of the random numbers of methods that draw some.
+        Of the random numbers of methods that use them.
     parameters
-        Of the method, such as n_sources.
+        Parameters of the method, such as n_sources.
 
     Returns
     -------
     CleanedCube
-        Of several restarts with its `ensemble`.
+        With its `ensemble` for several restarts.
 
     Raises
     ------
     InputError
-        Restarts of a method that has none, an unknown method or parameter, or what the method itself
-        refuses, such as too small a part of the sky.
+        Restarts of a method without any, an unknown method or parameter, or conditions of the method itself,
+        such as too small a part of the sky.
     """
     remover = method_for(cube, method, beams=beams, **parameters)
     n = checked_restarts(remover, restarts)
     cleaned = cleaning_of(cube, remover, beams, peaks=peaks, seed=seed)
     cleaned = cleaned if n == 1 else cleaned.with_restarts(n)
-    _ = cleaned.residual  # the work is done now, and kept
+    _ = cleaned.residual  # computed now and cached
     if has_restarts(remover) and (n == 1 or len(cleaned.ensemble.remarks) > 1):
         warnings.warn(" ".join(cleaned.remarks), SeparationWarning, stacklevel=2)
     return cleaned
@@ -123,14 +123,14 @@ def clean_cube(cube, method, *, beams=None, peaks=True, restarts=None, seed=2025
 def cleaning_of(cube, method, beams=None, *, peaks=True, seed=2025):
     """The `CleanedCube` by a `ForegroundRemover`; parameters and errors as of `clean_cube`.
 
-    Nothing is separated before it is asked for; peaks are masked now.
+    The separation is computed when first needed; peaks are masked now.
     """
     if not isinstance(peaks, bool):
         raise InputError(f"peaks must be True or False, got {peaks!r}.")
     if peaks and len(cube.freqs) < _LEAST_FOR_PEAKS:
         raise InputError(
             f"peak masking fits polynomials of order 6 and needs {_LEAST_FOR_PEAKS} channels, got "
-            f"{len(cube.freqs)}; go without it: peaks=False (--keep-peaks)."
+            f"{len(cube.freqs)}; do without it: peaks=False (--keep-peaks)."
         )
     return CleanedCube.of(_data_of(cube, method, beams, seed), method, peaks=peaks, cube=cube)
 
@@ -147,26 +147,26 @@ def _data_of(cube, method, beams, seed=0):
 
 
 def method_for(cube, method, *, beams=None, **parameters):
-    """The `ForegroundRemover` called `method`; an InputError for none, or one that cannot clean `cube`."""
+    """The `ForegroundRemover` called `method`; InputError if unknown or unable to clean `cube`."""
     if not isinstance(cube, Cube):
-        raise InputError(f"the cube must be a Cube, as read_cube gives it, got {type(cube).__name__}.")
+        raise InputError(f"the cube must be a Cube, as returned by read_cube, got {type(cube).__name__}.")
     if not isinstance(method, str | ForegroundRemover):
         raise InputError(f"method must be a name, such as 'pca', or a method, such as PCA(), got {method!r}.")
     if parameters and not isinstance(method, str):
-        raise InputError(f"{', '.join(parameters)}: give parameters to {type(method).__name__}(...) itself.")
+        raise InputError(f"{', '.join(parameters)}: pass parameters to {type(method).__name__}(...) itself.")
     remover = create(method, **parameters) if isinstance(method, str) else method
     check_pixels(cube, remover)
     n_channels, n_seen = cube.maps.shape
     remover.check(n_channels)
     if getattr(remover, "n_sources", 0) == n_channels:
         raise InputError(
-            f"n_sources must be below the number of channels, {n_channels}: as many hold HI and noise too."
+            f"n_sources must be below the number of channels, {n_channels}: more would include HI and noise."
         )
     by_line = hasattr(remover, "n_sources") and not remover.uses & {"sphere", "neighbours"}
-    if by_line and n_seen < n_channels:  # a few of the spectra would explain all lines of sight
+    if by_line and n_seen < n_channels:  # as many spectra would represent all lines of sight
         raise InputError(
-            f"{remover.name} finds spectra in the lines of sight, and only {n_seen} are seen, fewer than the "
-            f"{n_channels} channels: HI would be removed as foreground. Keep more of the sky."
+            f"{remover.name} estimates spectra from lines of sight, and only {n_seen} are observed, fewer "
+            f"than the {n_channels} channels: HI would be removed as foreground. Use more of the sky."
         )
     if beams is not None and "beams" in remover.uses:
         _check_reach("beams", np.asarray(beams), cube)
@@ -175,11 +175,11 @@ def method_for(cube, method, *, beams=None, **parameters):
 
 
 def _check_reach(label, beams, cube):
-    """Refuse b_l, (n_channels, lmax + 1), that end before 2 nside: what is beyond would not be removed."""
+    """Refuse b_l, (n_channels, lmax + 1), that end before 2 nside: larger l would not be cleaned."""
     if beams.shape[-1] <= 2 * cube.nside:
         raise InputError(
             f"{label} must hold b_l from l = 0 to 2 nside = {2 * cube.nside} at least, got {beams.shape[-1]} "
-            "numbers a line; for widths give one FWHM (deg) a line."
+            "numbers per line; for widths give one FWHM (deg) per line."
         )
 
 
@@ -188,16 +188,16 @@ def check_pixels(cube, remover):
     if "sphere" in remover.uses and cube.image is not None:
         able = [name for name in available() if "sphere" not in REGISTRY[name].uses]
         raise InputError(
-            f"{remover.name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
+            f"{remover.name} uses multipoles of the sphere, and the cube is an image in the plane: use "
             f"{', '.join(able[:-1])} or {able[-1]}, or put the cube on HEALPix (reproject_to_healpix of the "
             "package reproject)."
         )
 
 
 def with_enough_channels(cube, method, *, peaks=True):
-    """The `Cube` without the pixels with too few channels for a `ForegroundRemover`, and to mask peaks.
+    """The `Cube` without pixels with too few channels for a `ForegroundRemover`, or for peak masking.
 
-    An InputError where no pixel or one channel remains.
+    InputError if no pixel or only one channel remains.
     """
     least = method.least_channels(len(cube.freqs))
     if peaks and len(cube.freqs) >= _LEAST_FOR_PEAKS:
@@ -206,33 +206,33 @@ def with_enough_channels(cube, method, *, peaks=True):
 
 
 def beams_of(cube, beam, *, dish=None):
-    """b_l of every channel of a `Cube`, (n_channels, 3 nside), or as far as a file has them.
+    """b_l of each channel of a `Cube`, (n_channels, 3 nside), or up to the last l of a file.
 
     Parameters
     ----------
     cube
         The `Cube`.
     beam
-        A `Beam`, or what `himap.instrument.beams.named` takes: a name, such as "meerkat", or the path of a
-        file with one line for each channel in the order of the cube's own file, the FWHM in degrees or b_l.
+        A `Beam`, or an argument of `himap.instrument.beams.named`: a name, such as "meerkat", or the path of
+        a file with one line per channel in the order of the cube's file, the FWHM in degrees or b_l.
     dish
-        Diameter in m, 13.5 unless given; for beams whose width follows from it.
+        Diameter in m, 13.5 unless given; for beams whose width depends on it.
 
     Raises
     ------
     InputError
-        An unknown name, a file that does not fit, or frequencies that a beam is not known at.
+        An unknown name, a file that does not match, or frequencies outside the range of a beam.
     """
     try:
         beam = beam if isinstance(beam, Beam) else all_beams.named(beam)
     except TypeError as error:
         raise InputError(
-            f"the beam {beam!r} says too little ({error}): give NAME:PARAMETER=VALUE, or in the place of "
+            f"the beam {beam!r} is incomplete ({error}): give NAME:PARAMETER=VALUE, or instead of "
             "`file` the path of the file itself."
         ) from None
     if dish is not None and not beam.follows_dish:
         able = [name for name in all_beams.available() if all_beams.base.REGISTRY[name].follows_dish]
-        raise InputError(f"dish= is for the beams that follow from it: {', '.join(able)}.")
+        raise InputError(f"dish= applies to beams that depend on it: {', '.join(able)}.")
     options = {"lmax": 3 * cube.nside - 1, "dish_diameter": DISH if dish is None else dish}
     if beam.by_line:
         beams = beam.windows(cube.layout.freqs, **options).total[cube.layout.channels]

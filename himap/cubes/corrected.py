@@ -1,4 +1,4 @@
-"""Spectra of a cleaned cube corrected by its transfer function; in words, tables, a page and a file."""
+"""Spectra of a cleaned cube corrected by its transfer function: remarks, tables, a page and a file."""
 
 import warnings
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ HEADER = ("band", "T", "corrected / residual", "error bar", "systematic", "sampl
 """Columns of `corrected_table`."""
 
 HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "total pull")
-"""Further ones where there is a truth."""
+"""Additional columns if the truth is known."""
 
-_MOST = 0.5  # of the power of the residual
-_LOST = 0.01  # of the power: where less is lost, mocks unlike the data do no harm
+_MOST = 0.5  # share of the residual power
+_LOST = 0.01  # share of the power: with less signal loss, mocks that differ from the data do no harm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,25 +35,25 @@ class Corrected:
     x
         l, or k in 1/MHz, (n,).
     residual
-        As the method leaves it, C_l averaged over channels in mK^2, or P(k) in mK^2 MHz.
+        Residual spectrum, C_l averaged over channels in mK^2, or P(k) in mK^2 MHz.
     share
         The transfer function.
     corrected
-        The corrected spectrum; NaN where nothing comes back.
+        The corrected spectrum; NaN where T is zero.
     errors
-        Relative errors of mocks that are corrected by each other, (n_mocks, n); of one mock none, (0, n).
+        Relative errors of mocks corrected by each other, (n_mocks, n); empty, (0, n), for a single mock.
     sample
-        Of each mock, (n_mocks, n): sample variance and noise (`TransferFunction.sample`), in no error bar.
+        For each mock, (n_mocks, n): sample variance and noise (`TransferFunction.sample`), in no error bar.
     expected
-        Mean power of the mocks in the place of `corrected`.
+        Mean power of the mocks, comparable to `corrected`.
     systematic
-        What was estimated as foreground residual and subtracted, over the transfer function, in the unit of
-        the spectrum; of P(k) also what pixels have beyond the multipoles at few k alone. As that estimate
-        rests on assumptions, it is the systematic error of `corrected`.
+        Subtracted estimate of the foreground residual, divided by the transfer function, in the unit of the
+        spectrum; for P(k) also the power of pixels beyond the multipoles in a few k alone. Since the estimate
+        depends on assumptions, it is the systematic error of `corrected`.
     truth
-        The spectrum of the truth, NaN where it is not known.
+        The spectrum of the truth, NaN where unknown.
     drawn
-        As of `CubeTransfer`: if not, the foreground residual is not known, and `systematic` is no error.
+        As in `CubeTransfer`: if False, the foreground residual is unknown, and `systematic` is no error.
     """
 
     x: np.ndarray
@@ -69,18 +69,18 @@ class Corrected:
 
     @property
     def knows_truth(self):
-        """Whether the truth is known anywhere."""
+        """Whether the truth is known for any value."""
         return bool(np.isfinite(self.truth).any())
 
     @property
     def foreground(self):
-        """The part of the residual that was subtracted, in its unit; in bins of l nearly."""
+        """The subtracted part of the residual, in its unit; approximate for bins of l."""
         return self.share * self.systematic
 
     def sigma(self, bins, of="errors"):
-        """Relative error bars of means over bins, rows of weights (n_bins, n); NaN where one mock is all.
+        """Relative error bars of means over bins, rows of weights (n_bins, n); NaN for a single mock.
 
-        `of` "sample" those of sample variance and noise.
+        With `of` "sample", those of sample variance and noise.
         """
         relative = getattr(self, of)
         return sigma(relative @ np.transpose(bins)) if len(relative) > 1 else np.full(len(bins), np.nan)
@@ -88,7 +88,7 @@ class Corrected:
     def errors_in(self, inside):
         """Relative error bar, systematic error and sample variance of the mean over `inside`, (n,) bool.
 
-        Of the systematic error the means of powers are compared, of the others the ratios at each l or k.
+        The systematic error is a ratio of mean powers, the others are means of the ratios at each l or k.
         """
         bins, systematic = [inside / inside.sum()], self.systematic[inside].mean()
         systematic = abs(systematic / self.corrected[inside].mean())
@@ -96,7 +96,7 @@ class Corrected:
 
 
 def correct(cleaned, transfer, spectra, truth=None):
-    """Both spectra of a cleaned cube, corrected, {"angular": `Corrected`, "frequency": `Corrected`}.
+    """Correct both spectra of a cleaned cube, {"angular": `Corrected`, "frequency": `Corrected`}.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def correct(cleaned, transfer, spectra, truth=None):
     transfer
         Its `CubeTransfer` (`measure_transfer`).
     spectra
-        Its `PowerSpectra`, in bins of l where a mask asks for them.
+        Its `PowerSpectra`, binned in l if there is a mask.
     truth
         The `Comparison` with the truth, if there is one.
 
@@ -117,7 +117,7 @@ def correct(cleaned, transfer, spectra, truth=None):
     n_seen = sum(map(len, transfer.parts.pixels))
     if (n_seen, transfer.powers.shape[-1]) != (cleaned.cube.maps.shape[1], len(spectra.frequency.k)):
         raise InputError(
-            f"the transfer function is of another cube, with {n_seen} seen pixels and "
+            f"the transfer function belongs to another cube, with {n_seen} seen pixels and "
             f"{transfer.powers.shape[-1]} values of P(k): measure it for this one (measure_transfer)."
         )
     shown = {"angular": (spectra.angular.degrees, spectra.angular.mean)}
@@ -129,29 +129,29 @@ def correct(cleaned, transfer, spectra, truth=None):
 
 
 def _ends(middles):
-    """Ends of bins of l that follow each other from l = 0 on, in which each l counts the same, (2, n)."""
+    """Ends of adjacent bins of l from l = 0, with equal weights of all l, (2, n)."""
     ends = [*accumulate(middles, lambda end, middle: 2 * middle - end, initial=-0.5)]
     return np.array([ends[:-1], ends[1:]])
 
 
 def _averages(kind, cube, n_degrees, bins, known):
-    """Function from relative errors (n, n_l or n_k), and the powers that they are of, to those in bins.
+    """Function from relative errors (n, n_l or n_k), and the powers they refer to, to those in bins.
 
-    Without a mask they are means over `bins`, which are of the `known` l or k. With one C_l are decoupled,
-    which adds to their scatter.
+    Without a mask these are means over `bins` of the `known` l or k. With a mask C_l are decoupled, which
+    increases their scatter.
     """
     if kind == "frequency" or cube.sky_mask is None:
         return lambda relative, power: relative[:, known] @ bins.T
-    with warnings.catch_warnings(action="ignore"):  # its spectra were warned of
+    with warnings.catch_warnings(action="ignore"):  # already issued for its spectra
         matrix = decouple(np.eye(3 * cube.nside), cube.sky_mask.astype(float)).cl
     matrix = matrix[:n_degrees, 1 : 1 + len(bins)]
     return lambda relative, power: quotient((relative * power) @ matrix, power @ matrix)
 
 
 def _corrected(kind, cleaned, transfer, shown, true):
-    """The `Corrected` of one spectrum of a `CleanedCube`, by its `CubeTransfer`.
+    """The `Corrected` of one spectrum of a `CleanedCube`, from its `CubeTransfer`.
 
-    `shown` and `true` are places, l or k in bins, and the power there, of the residual and of the truth.
+    `shown` and `true` are l or k in bins and the power there, of the residual and of the truth.
     """
     x, residual = shown
     known = slice(2, None) if kind == "angular" else slice(1, None)
@@ -167,13 +167,13 @@ def _corrected(kind, cleaned, transfer, shown, true):
     powers = np.array([getattr(mock.input, kind) for mock in transfer.mocks])
     expected = powers.mean(axis=0)
     within, shares, lost_in = bins @ residual_power[known], bins @ share[known], bins @ lost[known] > 0
-    # C_l of coefficients is that of a mask: for all spectra alike.
+    # C_l of coefficients include the mask, equally for all spectra.
     scale, noise = residual[inside] / within, 0.0
     if kind == "frequency" and (transfer.drawn or cleaned.separation.lmax is None):
-        # Pixels have more than coefficients to lmax, HI and noise as those of mocks, and unlike a residual.
+        # Pixels have power beyond lmax: HI and noise as in the mocks, unlike a foreground residual.
         in_pixels = bins @ transfer.in_pixels.mean(axis=0)[known]
         scale = 1.0 if transfer.drawn else quotient(in_pixels, bins @ expected[known])
-        # Further noise is white along frequency; what pixels have more at some k is foreground.
+        # Additional noise is white along frequency; excess power of pixels at some k is foreground.
         noise = np.median(residual[inside] - within * scale)
     corrected = bins @ np.where(lost, 0, found)[known] * scale + noise
     average = _averages(kind, cleaned.cube, len(expected), bins, known)
@@ -192,21 +192,21 @@ def _corrected(kind, cleaned, transfer, shown, true):
 
 
 def in_bands(corrected):
-    """{band: (`Corrected`, which of its values lie in it)} of both spectra that `correct` gives."""
+    """{band: (`Corrected`, mask of its values in the band)} for both spectra returned by `correct`."""
     reached = bands(corrected["angular"].x, corrected["frequency"].x)
     return {plain_band(name): (corrected[kind], inside) for name, (kind, inside) in reached.items()}
 
 
 def remarks_on(corrected):
-    """What the user should know of what `correct` gives, a list of sentences."""
+    """Remarks on the result of `correct`, a list of sentences."""
     places, most, ratios = in_bands(corrected), [], []
     for name, (one, inside) in places.items():
         if np.sum(one.foreground[inside]) > _MOST * np.sum(one.residual[inside]):
             most.append(name)
-        # From the mocks it differs at `LEVEL`, by all errors; where little is lost, only what is more counts.
+        # Significant at `LEVEL` with all errors; where signal loss is small, only an excess counts.
         n_mocks = len(one.sample)
         bar, systematic, sample = one.errors_in(inside)
-        expected = 1 / np.mean(one.corrected[inside] / one.expected[inside])  # of ratios, as errors are
+        expected = 1 / np.mean(one.corrected[inside] / one.expected[inside])  # like the errors
         sigma = np.linalg.norm([bar, systematic, sample * expected * np.sqrt(1 + 1 / n_mocks)])
         chance = len(places) * chance_of(abs(1 - expected) / sigma, n_mocks)
         if chance < LEVEL and (expected < 1 or one.share[inside].mean() < 1 - _LOST):
@@ -214,27 +214,27 @@ def remarks_on(corrected):
     remarks = []
     if most:
         remarks.append(
-            f"Most of the residual is unlike the mocks in {', '.join(most)}: foreground, of which more "
-            "sources remove more (`himap suggest` says how many) unless the beam of the cube is another, or "
-            "noise that the mocks lack (--mock-noise)."
+            f"Most of the residual in {', '.join(most)} is not explained by the mocks: foreground residual, "
+            "to be reduced by more sources (`himap suggest` recommends a number), unless the beam is wrong "
+            "or the mocks lack noise (--mock-noise)."
         )
     if ratios:
         remarks.append(
-            f"The corrected power is not that of the mocks (over it, in {', '.join(ratios)}). Where it is "
-            "more, there may be foreground residual that theirs does not have. Power that is lost entirely "
-            "is known from the mocks alone: if theirs has another shape, the correction is wrong. Give mocks "
-            "like the data (--mocks FILE)."
+            f"The corrected power differs from that of the mocks (ratio in {', '.join(ratios)}). An excess "
+            "may be foreground residual that the mocks do not have. Where all signal is lost, the correction "
+            "relies on the mocks alone, and is wrong if their spectrum has another shape. Use mocks similar "
+            "to the data (--mocks FILE)."
         )
     return remarks
 
 
 def corrected_table(corrected):
-    """A `Table` with a line for each band of l and k, of what `correct` gives; see `HEADER`.
+    """A `Table` with a row for each band of l and k, from the result of `correct`; see `HEADER`.
 
     Error bar, systematic error and sample variance are relative to the corrected power. The pull is
-    (corrected - truth) / error bar; of the total pull this has the systematic error too, in quadrature. Both
-    are of the part of the band where the truth is known. Where foregrounds were not drawn (`CubeTransfer`)
-    the systematic error is not known.
+    (corrected - truth) / error bar; the total pull includes the systematic error, in quadrature. Both are for
+    the part of the band where the truth is known. Without drawn foregrounds (`CubeTransfer`) the systematic
+    error is unknown.
     """
     knows = corrected["angular"].knows_truth
     rows, truncated, header = [], [], HEADER + (HEADER_OF_TRUTH if knows else ())
@@ -255,12 +255,12 @@ def corrected_table(corrected):
             pulls = [(ratios[1] - 1) / sigma for sigma in (bar, total)]
             row += [*map("{:.4f}".format, ratios), *map("{:+.1f}".format, pulls)]
         rows.append(row)
-    note = f"The truth is known in a part of {', '.join(truncated)}: up to l = 2 nside." if truncated else ""
+    note = f"Truth known only in part of {', '.join(truncated)}: up to l = 2 nside." if truncated else ""
     return band_table(header, rows, note)
 
 
 def correlation_table(corrected):
-    """A `Table` of the correlations of the errors of the bands of `corrected_table`; see `covariance`."""
+    """A `Table` of the correlations of the band errors of `corrected_table`; see `covariance`."""
     columns = {
         name: one.errors @ (inside / inside.sum()) for name, (one, inside) in in_bands(corrected).items()
     }
@@ -275,32 +275,31 @@ def correlation_table(corrected):
 
 
 def plain_band(name):
-    """The name of a band of ratios as that of a band of the spectrum."""
+    """Convert the name of a band of ratios to that of a band of the spectrum."""
     ratio, _, where = name.partition(", ")
     return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
 
 
 def band_table(header, rows, note=""):
-    """A `Table` with a row of numbers, texts, for each band; "–" where one is not known."""
+    """A `Table` with a row of formatted numbers for each band; "–" for unknown values."""
     rows = [["–" if "nan" in cell else cell for cell in row] for row in rows]
     return Table(header, rows, align="l" + "r" * (len(header) - 1), note=note)
 
 
 def corrected_parts(corrected):
-    """Parts of a page: both spectra, as they are and corrected, their transfer functions, and a table."""
+    """Parts of a page: both spectra, residual and corrected, their transfer functions, and a table."""
     n_mocks = len(corrected["angular"].sample)
     text = (
-        f"Each of {n_mocks} mocks took the place of the HI and noise of the cube, and was cleaned with a "
-        "foreground drawn from what is known of its own; or, without the beam, on a part of the sky or with "
-        "gaps, with the one that the method estimated. What comes back of their power is the "
-        "transfer function T; what a residual has beyond that is foreground residual, and subtracted: with a "
-        "drawn foreground it is estimated from the cube itself, and the mocks say how far that is off. Thin "
-        "lines are one error bar, from mocks that are corrected by each other: the error of a cleaning of "
-        "this very sky. The correction is as good as the estimated foreground: all that was subtracted is "
-        "quoted as systematic error, to be added to the error bar in quadrature; with the foreground that "
-        "the method estimated it is not known. Sample variance and noise are a column of the table and in "
-        "neither. Mocks must resemble the data: their HI has the power that himap assumes, or that of the "
-        "files that were given."
+        f"Each of {n_mocks} mocks replaced the HI and noise of the cube and was cleaned with a foreground "
+        "drawn from the distribution estimated for the cube; without the beam, on a part of the sky or with "
+        "gaps, with the foreground estimated by the method. The recovered share of their power is the "
+        "transfer function T. The remaining power of the residual is foreground residual and is subtracted: "
+        "with a drawn foreground it is estimated from the cube itself, and the mocks measure the error of "
+        "this estimate. Thin lines are one error bar, from mocks corrected by each other: the error of the "
+        "cleaning of this sky. The accuracy depends on the foreground estimate: all that was subtracted is "
+        "quoted as systematic error, to be added in quadrature; with the foreground estimated by the method "
+        "it is unknown. Sample variance and noise are a column of the table, included in neither. Mocks must "
+        "be similar to the data: their HI has the power assumed by himap, or that of the given files."
     )
     panels, shares = [], []
     for kind, one in corrected.items():
@@ -324,13 +323,13 @@ def corrected_parts(corrected):
 
 
 def write_spectra(corrected, path, scatter=None):
-    """Write both spectra as CSV, one l or k a line; NaN where something is not known.
+    """Write both spectra as CSV, one row for each l or k; NaN for unknown values.
 
     Columns: ``spectrum`` (angular or frequency), ``x`` (l, or k in 1/MHz), and of `Corrected` ``residual``
     (mK^2, or mK^2 MHz), ``transfer_function``, ``corrected``, ``sigma`` and ``sample`` (both relative),
-    ``expected``, ``systematic``, ``truth`` (as ``residual``); for each mock
-    ``error_1`` and so on, of which `himap.measures.bootstrap.covariance` is the relative covariance of lines
-    or of means over them; of the `Scatter` of restarts also its `columns`.
+    ``expected``, ``systematic``, ``truth`` (as ``residual``); ``error_1`` and so on for each mock, from which
+    `himap.measures.bootstrap.covariance` gives the relative covariance of rows or of means over them; for a
+    `Scatter` of restarts also its `columns`.
     """
     tables = []
     for kind, one in corrected.items():

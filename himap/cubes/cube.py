@@ -1,4 +1,4 @@
-"""A cube of channel maps as himap works with it: mK, frequencies ascending, HEALPix in RING."""
+"""A cube of channel maps: mK, frequencies ascending, HEALPix in RING order."""
 
 from dataclasses import dataclass, replace
 
@@ -14,29 +14,29 @@ from himap.maps.low_rank import as_float32, scattered
 from himap.removal import using
 from himap.removal.data import checked_mask, checked_weights, means_of, missing_of
 
-_TWICE = 1e-8  # relative: closer channels have one frequency
-_FEW = 0.01  # of the pixels: so many may be masked in all channels for what some of these miss
+_TWICE = 1e-8  # relative: closer channels have the same frequency
+_FEW = 0.01  # largest share of pixels that may be masked in all channels because some channels lack them
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cube:
-    """Channel maps, of the whole sky or of a part.
+    """Channel maps of the full sky or of a part.
 
     Attributes
     ----------
     maps
-        The seen pixels, (n_channels, n_seen), mK, by RING index; float32, or float64 where the file has it
-        and the sky is so bright that float32 would round HI away (`himap.maps.low_rank.precision`).
+        Observed pixels, (n_channels, n_seen), mK, by RING index; float32, or float64 if the file has it and
+        the sky is so bright that float32 would round away HI (`himap.maps.low_rank.precision`).
     freqs
         Channel centres, MHz, ascending, (n_channels,).
     mask
-        Which pixels of the sphere, RING, or of an image are seen in every channel, or with weights in some,
-        (n_pix,) bool.
+        Pixels of the sphere, RING, or of an image that are observed in every channel, or with weights in at
+        least one, (n_pix,) bool.
     layout
-        How it was given, a `himap.cubes.layout.Layout`.
+        Layout of the file, a `himap.cubes.layout.Layout`.
     weights
-        Of the seen pixels, (n_seen,), or of their voxels, (n_channels, n_seen), 0 where one is missing and
-        maps are 0. None where all are the same.
+        Of the observed pixels, (n_seen,), or of their voxels, (n_channels, n_seen); 0 for missing voxels,
+        where maps are 0. None for uniform weights.
     """
 
     maps: np.ndarray
@@ -47,17 +47,17 @@ class Cube:
 
     @property
     def missing(self):
-        """Voxels of the seen pixels that are not seen, (n_channels, n_seen) bool, or None if all are."""
+        """Missing voxels of the observed pixels, (n_channels, n_seen) bool, or None if there are none."""
         return missing_of(self.weights)
 
     @property
     def remarks(self):
-        """What was assumed or left out, for the user to read, a tuple of sentences."""
+        """Assumptions and omissions, a tuple of sentences."""
         return self.layout.remarks
 
     @property
     def summary(self):
-        """What was read, a sentence for the user to check."""
+        """Summary of the input, a sentence for the user to check."""
         frame = self.layout.spectral_frame
         frame = f" (SPECSYS = {frame})" if frame else ""
         return (
@@ -67,66 +67,66 @@ class Cube:
 
     @property
     def said(self):
-        """The summary and the remarks: what was read, assumed or left out, a list of sentences."""
+        """The summary and the remarks, a list of sentences."""
         return [self.summary, *self.remarks]
 
     @property
     def nside(self):
-        """Of HEALPix maps; InputError for an image in the plane."""
+        """Nside of HEALPix maps; InputError for an image in the plane."""
         return self.layout.pixels.nside
 
     @property
     def whole_sky(self):
-        """Whether the whole sphere is seen."""
+        """Whether the full sphere is observed."""
         return self.layout.pixels.whole_sky and bool(self.mask.all())
 
     @property
     def sky_mask(self):
-        """The mask, where it leaves out any of the sphere; None for the whole sky."""
+        """The mask, or None for the full sky."""
         return None if self.whole_sky else self.mask
 
     @property
     def image(self):
-        """Which pixels of an image in the plane are seen, (n_y, n_x) bool; None for HEALPix maps."""
+        """Observed pixels of an image in the plane, (n_y, n_x) bool; None for HEALPix maps."""
         pixels = self.layout.pixels
         return None if pixels.whole_sky else self.mask.reshape(pixels.shape)
 
     @property
     def channel_width(self):
-        """MHz; the mean distance of two channels."""
+        """Mean channel separation, MHz."""
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
 
     def masked(self, path, *, rotate=False):
-        """The same `within` the mask in a file; errors of that and of `himap.cubes.weights.read_mask`."""
+        """The cube `within` the mask in a file; errors also as of `himap.cubes.weights.read_mask`."""
         mask, layout = read_mask(path, self.layout, rotate=rotate)
         return replace(self, layout=layout).within(mask)
 
     def within(self, mask):
-        """The same `Cube` of the pixels that it sees and that `mask` (n_pix,) bool, of its pixels, keeps.
+        """Restrict the `Cube` to its observed pixels within `mask`, (n_pix,) bool, True for kept pixels.
 
         Raises
         ------
         InputError
-            A mask of another resolution, or that keeps nothing of what is seen, or one channel of it.
+            A mask of another resolution, or one that keeps no observed pixel, or only one channel of them.
         """
         kept = checked_mask(mask, len(self.mask)) & self.mask
         if not kept.any():
-            raise InputError("the mask keeps no pixel that the cube sees; True (or 1) means kept.")
+            raise InputError("the mask keeps no observed pixel of the cube; True (or 1) means kept.")
         return self._of(kept, f"{kept.mean():.1%} of {self.layout.pixels.area} is kept by the mask.")
 
     def seen_in(self, n_channels):
-        """The same of the pixels that are seen in so many channels or more; InputError if there are none."""
+        """Restrict to pixels observed in at least `n_channels` channels; InputError if there are none."""
         if self.missing is None:
             return self
         few, kept = np.count_nonzero(~self.missing, axis=0) < n_channels, self.mask.copy()
         if few.all():
-            raise InputError(f"no pixel is seen in {n_channels} channels or more.")
+            raise InputError(f"no pixel is observed in {n_channels} channels or more.")
         kept[kept] = ~few
-        remark = f"{few.sum()} pixels are left out, which fewer than {n_channels} channels see."
+        remark = f"{few.sum()} pixels observed in fewer than {n_channels} channels are excluded."
         return self._of(kept, remark) if few.any() else self
 
     def _of(self, kept, remark):
-        """The same of the pixels in `kept`, all of them seen, without the channels that see none of them."""
+        """Restrict to the observed pixels in `kept`, without channels that have no data in them."""
         seen, outdated, said = kept[self.mask], _remarks_on(self), [remark]
         cube = replace(self, maps=self.maps[:, seen], mask=kept)
         if self.weights is not None:
@@ -136,27 +136,27 @@ class Cube:
                 raise InputError("fewer than two channels have data in the pixels that are kept.")
             if not some.all():
                 cube, weights = cube._of_channels(some), weights[some]
-                said.append(f"{(~some).sum()} channels have no data there and are left out.")
+                said.append(f"{(~some).sum()} channels without data there are excluded.")
             cube = replace(cube, weights=checked_weights(weights, cube.maps.shape)[1])
         remarks = [one for one in self.remarks if one not in outdated]
         return replace(cube, layout=replace(cube.layout, remarks=(*remarks, *_remarks_on(cube), *said)))
 
     def _of_channels(self, kept):
-        """The same of some channels, but for its weights."""
+        """Restrict to some channels, except for the weights."""
         layout = replace(self.layout, channels=self.layout.channels[kept])
         return replace(self, maps=self.maps[kept], freqs=self.freqs[kept], layout=layout)
 
     def channels_of(self, other):
-        """The same `Cube` without the channels that the file of `other` has, but `other` has not."""
+        """Remove the channels that the file of the `Cube` `other` has but `other` itself has not."""
         if len(other.freqs) == len(other.layout.freqs):
             return self
         known, near = (same_freqs(self.freqs[:, None], one.freqs) for one in (other.layout, other))
         return self._of_channels(near.any(axis=1) | ~known.any(axis=1))
 
     def in_frame_of(self, other, label, *, rotate=False):
-        """The same `Cube`, a truth or mock of `other`, in the frame of coordinates of that; `label` names it.
+        """Convert a truth or mock of `other` to the frame of coordinates of `other`; `label` names it.
 
-        An InputError where frames differ and it may not be rotated, or sees a part of the sky.
+        InputError if frames differ and rotation is not allowed, or only a part of the sky is observed.
         """
         mine, theirs = self.layout.pixels, other.layout.pixels
         if not mine.whole_sky or not theirs.whole_sky:
@@ -166,27 +166,27 @@ class Cube:
             return replace(self, layout=self.layout.noted(*said))
         if not self.whole_sky:
             raise InputError(
-                "maps of a part of the sky cannot be rotated by their multipoles: give them in the frame of "
-                f"the cube, {theirs.frame}."
+                "maps of a part of the sky cannot be rotated through multipoles: provide them in the frame "
+                f"of the cube, {theirs.frame}."
             )
         maps = sphere.rotate_maps(self.maps, mine.frame, theirs.frame)
         share = maps.var(dtype=np.float64) / self.maps.var(dtype=np.float64)
-        said = (*said, f"Its multipoles to l = {3 * self.nside - 1} were, with {share:.1%} of its variance.")
+        said = (*said, f"Rotated by multipoles to l = {3 * self.nside - 1}, {share:.1%} of variance kept.")
         layout = replace(self.layout.noted(*said), pixels=replace(mine, frame=theirs.frame))
         return replace(self, maps=maps, layout=layout)
 
     def on_sphere(self, maps):
-        """Maps (n, n_seen) with all pixels, (n, n_pix), 0 where nothing is seen; themselves if all is."""
+        """Maps (n, n_seen) as full maps, (n, n_pix), 0 where not observed; unchanged for the full sky."""
         return maps if self.whole_sky else scattered(maps, self.mask)
 
     def seen_of(self, truth):
-        """Maps of a truth of the same pixels and channels, (n_channels, n_seen), as `without_gaps`."""
+        """Maps of a truth in the pixels and channels of the cube, (n_channels, n_seen), as `without_gaps`."""
         return self.without_gaps(truth.maps[:, self.mask[truth.mask]])
 
     def without_gaps(self, maps):
-        """Maps (n_channels, n_seen); where voxels are missing, less their means, and 0 in these voxels.
+        """Maps (n_channels, n_seen); with missing voxels, their means are subtracted and these voxels are 0.
 
-        So that gaps have no power: with its means a map would have a step at each.
+        Otherwise each gap would be a step, with power, because of the mean.
         """
         missing = self.missing
         if missing is None:
@@ -196,19 +196,19 @@ class Cube:
 
 
 def are_scattered(seen):
-    """Whether many of the pixels that some channel sees, (n_channels, n_pix) bool, are missing in another."""
+    """Whether many pixels (n_channels, n_pix) bool are observed in some channels but not in others."""
     some, every = seen.any(axis=0), seen[seen.any(axis=1)].all(axis=0)
     return bool(np.count_nonzero(some & ~every) > _FEW * np.count_nonzero(some))
 
 
 def make_cube(maps, layout, *, weights=None):
-    """The `Cube` of `maps` and `layout` as of `himap.cubes.files.read_file`, complete: sorted, in mK, RING.
+    """Make the `Cube` of `maps` and a complete `layout` (`himap.cubes.files.read_file`): sorted, in mK, RING.
 
-    NaN, infinite and UNSEEN pixels are not seen. A channel without any seen pixel is left out, and a dead
-    one, with one value everywhere. Pixels that are seen in every channel are kept; with weights of the
-    voxels, (n_in_file, n_pix), RING, changed in place, those that are seen in some.
+    NaN, infinite and UNSEEN pixels are not observed. Channels without observed pixels and dead channels, with
+    one value everywhere, are excluded. Pixels observed in every channel are kept; with weights of the voxels,
+    (n_in_file, n_pix), RING, changed in place, those observed in at least one.
     """
-    # float16 ends at 65504, and longer floats take room.
+    # float16 overflows at 65504, and longer floats need memory.
     floats = np.float32 if np.result_type(maps.dtype, np.float32) == np.float32 else np.float64
     in_ring = to_ring if layout.pixels.nested else np.asarray
     seen = np.array([in_ring(is_seen(pixels)) for pixels in maps])
@@ -224,14 +224,14 @@ def make_cube(maps, layout, *, weights=None):
     mask = seen[channels].all(axis=0) if weights is None else seen.any(axis=0)
     if not mask.any():
         raise InputError(
-            "no pixel is seen in every channel; leave out the channels that see least, or take a method that "
-            f"uses weights ({', '.join(using('weights'))}) and read_cube(..., scattered=True)."
+            "no pixel is observed in every channel; exclude the channels with the least data, or use a "
+            f"method with weights ({', '.join(using('weights'))}) and read_cube(..., scattered=True)."
         )
     lines = np.empty((len(channels), int(mask.sum())), dtype=floats)
     for place, out in zip(channels, lines, strict=True):
         pixels = in_ring(maps[place].astype(floats, copy=False))[mask]
         out[:] = np.where(seen[place, mask], pixels, 0) * MILLIKELVIN[layout.unit]
-    lines = as_float32(lines)  # or float64 as it was
+    lines = as_float32(lines)  # or float64 if needed
     if weights is not None:
         _, weights = checked_weights(weights[np.ix_(channels, mask)], lines.shape)
     cube = Cube(
@@ -245,23 +245,23 @@ def make_cube(maps, layout, *, weights=None):
 
 
 def _seen_channels(seen, freqs):
-    """The places (n_channels,) of the channels that see some pixel, by frequency, two or more."""
+    """Indices (n_channels,) of the channels with observed pixels, by frequency, at least two."""
     channels = np.argsort(freqs, kind="stable")
     channels = channels[seen[channels].any(axis=1)]
     if len(channels) < 2:
-        raise InputError(f"a cube needs two channels with seen pixels, got {len(channels)} of {len(seen)}.")
+        raise InputError(f"a cube needs two observed channels, got {len(channels)} of {len(seen)}.")
     twice = freqs[channels][1:][np.diff(freqs[channels]) < _TWICE * freqs[channels][1:]]
     if len(twice):
         raise InputError(
-            f"two channels have the frequency {twice[0]:g} MHz, or nearly: leave one of them out, or correct "
-            "what states the step of frequencies (CDELT)."
+            f"two channels have the same frequency, or nearly, {twice[0]:g} MHz: exclude one of them, or "
+            "correct the frequency step (CDELT)."
         )
     checked_freqs(freqs[channels], len(channels))
     return channels
 
 
 def _remarks_on_file(cube, seen, dead, dtype):
-    """What of a file of maps of this dtype is not in its `Cube`, or may be a mistake, a list of sentences."""
+    """Omissions of a `Cube` relative to its file of this dtype, and likely mistakes, a list of sentences."""
     remarks, n_left = [], len(seen) - len(cube.freqs)
     if n_left:
         remarks.append(f"{n_left} of {len(seen)} channels have no data and are left out.")
@@ -273,23 +273,23 @@ def _remarks_on_file(cube, seen, dead, dtype):
     remarks += _remarks_on(cube)
     if dead.any():
         names = ", ".join(f"{freq:g}" for freq in np.sort(cube.layout.freqs[dead])[:5])
-        remarks.append(f"{dead.sum()} of the channels have one value everywhere, as dead ones: {names} MHz.")
+        remarks.append(f"{dead.sum()} of the channels are dead, with one value everywhere: {names} MHz.")
     if cube.weights is None and are_scattered(seen):
         remarks.append(
-            "Pixels that some channels miss are masked in all; methods that take weights keep what is seen "
-            f"of them ({', '.join(using('weights'))})."
+            "Pixels missing in some channels are masked in all; methods with weights use their remaining "
+            f"voxels ({', '.join(using('weights'))})."
         )
     if dtype.itemsize == 2 and dtype.kind == "f":
         rounding = np.abs(cube.maps).max() * np.finfo(np.float16).eps / 2
         remarks.append(
-            f"the file has floats of 16 bits, which round its brightest voxels by up to {rounding:.2g} mK, "
-            "where HI is of the order of 0.1 mK: write float32."
+            f"the file has 16-bit floats, which round the brightest voxels by up to {rounding:.2g} mK, "
+            "where HI is about 0.1 mK: write float32."
         )
     return remarks
 
 
 def _remarks_on(cube):
-    """What is missing in the maps of a `Cube`, and what may be a mistake in them, a list of sentences."""
+    """Missing data in the maps of a `Cube`, and likely mistakes, a list of sentences."""
     remarks, steps = [], np.diff(cube.freqs)
     if cube.missing is not None:
         remarks.append(

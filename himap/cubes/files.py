@@ -1,4 +1,4 @@
-"""Cubes of channel maps as they are on disk: HDF5, FITS, .npy. Nothing that is read can run code."""
+"""Read cubes of channel maps from HDF5, FITS and .npy. No input file can execute code."""
 
 import operator
 import os
@@ -39,7 +39,7 @@ def read_cube(
     scattered=False,
     rotate=False,
 ):
-    """A `Cube` from a file; see `himap.cubes.files.read_file` for the formats.
+    """Read a `Cube` from a file; see `himap.cubes.files.read_file` for the formats.
 
     Parameters
     ----------
@@ -47,40 +47,40 @@ def read_cube(
         File, or folder of files.
     freqs
         Channel centres in MHz, in the order of the channels in the file: an array, or the path of a file with
-        one number a line, or of a table of edges (`himap.cubes.files.read_freqs`); for files that do not
-        state them.
+        one number per line or of a table of edges (`himap.cubes.files.read_freqs`); for files that do not
+        state frequencies.
     unit
-        "K", "mK" or "uK", if the file does not say.
+        "K", "mK" or "uK", if the file does not state it.
     order
-        "RING" or "NESTED", if the file does not say; RING unless given.
+        "RING" or "NESTED", if the file does not state it; default RING.
     frame
-        Of the coordinates, "G", "C" or "E", if the file does not say.
+        Of the coordinates, "G", "C" or "E", if the file does not state it.
     maps_name, freqs_name
         Datasets of an HDF5 file.
     axes
-        Those of the array, in the order of numpy, where they are not as the file says, or it does not say:
-        "ra,dec,freq" of images whose array was not turned round for its header; "pixel,freq" of maps.
+        Axes of the array in numpy order, if not stated or not as stated by the file: "ra,dec,freq" for images
+        whose array was not transposed to match its header; "pixel,freq" for maps.
     weights
-        Hits or inverse variances, of which only ratios matter, 0 where not seen: of pixels, (n_pix,), or of
-        voxels, (n_channels, n_pix), pixels and channels in the order of the file; or the path of such an
-        array in .npy, of HEALPix maps in FITS, in any order of pixels, or of HDF5 with a dataset ``weights``.
+        Hits or inverse variances, of which only ratios matter, 0 where not observed: of pixels, (n_pix,), or
+        of voxels, (n_channels, n_pix), in the order of the file; or the path of such an array in .npy, of
+        HEALPix maps in FITS, in any pixel order, or of HDF5 with a dataset ``weights``.
     flags
-        True (or 1) where a voxel, or all of a pixel, is bad: as `weights`, the dataset is called ``flags``.
+        True (or 1) for bad voxels or pixels: like `weights`, with the dataset called ``flags``.
     scattered
-        Whether voxels that are missing in the file itself (NaN) are flags, for methods that take weights,
-        where more than 1 % of the pixels are missing in some channels and seen in others.
+        Whether missing voxels of the file (NaN) are flags, for methods with weights, if more than 1 % of the
+        pixels are missing in some channels and observed in others.
     rotate
-        Whether weights and flags of another frame are rotated to that of the maps, or refused.
+        Whether weights and flags in another frame are rotated to that of the maps; otherwise refused.
 
     Raises
     ------
     InputError
-        What is missing or contradicts the file, and how to give it.
+        Missing or contradictory information, and how to provide it.
 
     Notes
     -----
-    With weights or flags a pixel that is missing in some channels is kept, and what is missing is filled, or
-    left out, by the method. Without, the pixels that are seen in all channels are kept.
+    With weights or flags, pixels missing in some channels are kept, and the method fills or ignores missing
+    voxels. Without, only pixels observed in all channels are kept.
     """
     weighed, voxels = weights is not None or flags is not None, None
     names = {"maps_name": maps_name, "freqs_name": freqs_name, "aside": weight_datasets(path, weights, flags)}
@@ -96,15 +96,15 @@ def read_cube(
 
 
 def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, rotate=False, **given):
-    """A `Cube` of the truth, or a mock, of `cube`: options as in `read_cube`, where its file says nothing.
+    """Read a truth or mock of `cube`, a `Cube`: options as in `read_cube`, for what its file does not state.
 
-    Channels that the file of `cube` has, but `cube` has not, are left out. Maps of the whole sky in another
-    frame are rotated, if they may be (`rotate`).
+    Channels that the file of `cube` has but `cube` has not are removed. Full-sky maps in another frame are
+    rotated if `rotate` allows it.
     """
     with reading(path):
         found, ways = None, [{}, {"maps_name": maps_name, "freqs_name": freqs_name, "axes": axes}]
         if axes is not None and format_of(path) != "HDF5":
-            # The shape of an array hardly says which axis is which: axes that are given come first.
+            # Shapes rarely identify the axes: given axes take precedence.
             found, ways = _read_by_header(path, cube), [{"axes": axes}, {}]
         try:
             maps, layout = found or read_file(path, **ways[0])
@@ -118,9 +118,9 @@ def read_truth(path, *, cube=None, maps_name=None, freqs_name=None, axes=None, r
 
 
 def _read_by_header(path, cube):
-    """Maps and `Layout` of an image cube that has the channels and image of a `Cube` by its header, or None.
+    """Maps and `Layout` of an image cube whose header has the channels and image of a `Cube`, or None.
 
-    None too where the header of the `Cube` has an axis of frequencies: axes that are given correct both.
+    Also None if the header of the `Cube` has no frequency axis: given axes then correct both.
     """
     if cube is not None and not cube.layout.freqs_from.startswith("the axis FREQ"):
         with suppress(InputError):
@@ -132,17 +132,17 @@ def _read_by_header(path, cube):
 
 
 def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
-    """Maps and `Layout` of an HDF5, FITS or .npy file, whatever its name ends with, or a folder of FITS.
+    """Maps and `Layout` of an HDF5, FITS or .npy file, with any file name, or of a folder of FITS files.
 
-    FITS holds HEALPix maps in a table, or an image cube with world coordinates; of these each file of a
-    folder may have a range of channels. Options as of `read_cube`; `aside` are datasets of an HDF5 file that
-    are no maps and no masks, by the last part of their names. Maps are (n_channels, n_pix) in the order, unit
-    and pixelisation of the file, NaN where it marks them missing.
+    FITS contains HEALPix maps in a table, or an image cube with world coordinates; in a folder each file may
+    have a range of its channels. Options as in `read_cube`; `aside` are HDF5 datasets that are neither maps
+    nor masks, by the last part of their names. Maps are (n_channels, n_pix) in the order, unit and
+    pixelisation of the file, with NaN for missing pixels.
 
     Raises
     ------
     InputError
-        No such file, another format, a file that does not hold one cube, or too large a one.
+        No such file, an unsupported format, a file without a unique cube, or a cube that is too large.
     """
     is_folder = isinstance(path, str | os.PathLike) and os.path.isdir(path)
     path = Path(path) if is_folder else regular_file(path)
@@ -151,16 +151,16 @@ def read_file(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
         return hdf5.read_hdf5(path, maps_name=maps_name, freqs_name=freqs_name, axes=axes, aside=aside)
     if form is None:
         raise InputError(
-            f"{path}: a cube is HDF5, FITS or .npy, or a folder of FITS files, one for each channel; by its "
-            "first bytes and name this is none of them (unpack archives; write netCDF as netCDF-4)."
+            f"{path}: a cube is HDF5, FITS or .npy, or a folder of FITS files, one per channel; its first "
+            "bytes and name match none of them (unpack archives; write netCDF as netCDF-4)."
         )
     if (maps_name, freqs_name) != (None, None):
-        raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is none.")
+        raise InputError(f"names of datasets (--maps, --freqs-name) are for HDF5 files; {path} is not one.")
     return read_npy(path, axes) if form == "npy" else fits.read_fits(path, axes)
 
 
 def read_npy(path, axes=None):
-    """Maps and `Layout` of an array of HEALPix maps, which states nothing else."""
+    """Maps and `Layout` of an array of HEALPix maps, without other information."""
     maps = mapped_array(path)
     if maps.ndim != 2 or maps.dtype.kind not in "fiu" or not sphere_sizes(maps.shape):
         raise InputError(
@@ -174,7 +174,7 @@ def read_npy(path, axes=None):
 
 
 def _completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, frame=None):
-    """The `Layout` of a file with the frequencies, unit, order and frame that the caller gives."""
+    """Complete the `Layout` of a file with the frequencies, unit, order and frame given by the caller."""
     layout = _with_freqs(path, n_channels, layout, freqs)
     if layout.pixels.whole_sky:
         nested = is_nested(None if order is None else str(order), "order")
@@ -184,7 +184,7 @@ def _completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, f
         frame = _either(path, "frame", layout.pixels.frame, frame)
         if nested is None:
             layout = layout.noted(
-                "the file does not say the order of its pixels: assumed to be RING (--order to change it)."
+                "the file does not state the pixel order: assumed to be RING (--order to change it)."
             )
         layout = replace(layout, pixels=replace(layout.pixels, nested=bool(nested), frame=frame))
     elif "jy" in (layout.unit or "").lower():
@@ -194,16 +194,16 @@ def _completed(path, n_channels, layout, *, freqs=None, unit=None, order=None, f
             "without beam_area for MJy/sr, and write BUNIT = 'K'."
         )
     elif (order, frame) != (None, None):
-        raise InputError("an image has no order or frame of HEALPix pixels; leave --order and --frame out.")
+        raise InputError("an image has no HEALPix order or frame; omit --order and --frame.")
     units = (one if one is None else temperature_unit(one, where=_UNIT_IS) for one in (layout.unit, unit))
     unit = _either(path, "unit", *units)
     if unit is None:
-        raise InputError("the file does not say whether its maps are in K or mK; give unit= (--unit).")
+        raise InputError("the file does not state whether its maps are in K or mK; give unit= (--unit).")
     return replace(layout, unit=unit)
 
 
 def _with_freqs(path, n_channels, layout, freqs):
-    """The `Layout` of a file with its frequencies, which `freqs` are, or a file of them, if it has none."""
+    """Complete the `Layout` of a file with frequencies: its own, `freqs`, or those in the file `freqs`."""
     given_from = "the caller"
     if isinstance(freqs, str | os.PathLike):
         freqs, given_from = read_freqs(freqs)
@@ -217,7 +217,7 @@ def _with_freqs(path, n_channels, layout, freqs):
         shown=partial(np.array2string, threshold=5, edgeitems=2),
     )
     if freqs is None:
-        how = " Names of files state them where each has one number in MHz or GHz, as map_950.5MHz.fits has."
+        how = " File names state them if each has one number in MHz or GHz, as map_950.5MHz.fits has."
         raise InputError(
             f"{path} does not state its frequencies; give them with freqs= (--freqs FILE), MHz"
             f"{', or name their dataset (--freqs-name)' * (format_of(path) == 'HDF5')}."
@@ -225,8 +225,8 @@ def _with_freqs(path, n_channels, layout, freqs):
         )
     if freqs.shape != (n_channels,):
         raise InputError(
-            f"there must be one frequency for each of the {n_channels} channels, got {freqs.size}; if the "
-            "axes of the array are others, name them as in numpy (--axes ra,dec,freq or pixel,freq)."
+            f"expected one frequency for each of the {n_channels} channels, got {freqs.size}; if the axes of "
+            "the array differ, name them in numpy order (--axes ra,dec,freq or pixel,freq)."
         )
     remarks = layout.remarks
     if layout.names:
@@ -236,27 +236,27 @@ def _with_freqs(path, n_channels, layout, freqs):
         remarks = (f"The first of its files is {', the last '.join(ends)}.", *remarks)
     parts = getattr(layout.pixels, "parts", ())
     if len(parts) == 1 and parts[0].freqs is None and len(freqs) > 2 and not evenly_spaced(np.sort(freqs)):
-        uneven = "the channels are unevenly spaced, which no axis of an image states: results in HDF5 do."
+        uneven = "the channels are unevenly spaced, which an image axis cannot state: write results as HDF5."
         remarks = (*remarks, uneven)
     return replace(layout, freqs=freqs, freqs_from=layout.freqs_from or given_from, remarks=remarks)
 
 
 def _either(path, what, stated, given, *, same=operator.eq, shown=str):
-    """What the file states or else the caller gives, None where neither does; both must be the same."""
+    """The value stated by the file or given by the caller, None if neither; both must agree."""
     if stated is not None and given is not None and not same(stated, given):
         raise InputError(
-            f"{path}: the file says {shown(stated)}, but the {what} given is {shown(given)}, for all files: "
-            "leave it out, correct this file, or write those that do not say it as HDF5 that does."
+            f"{path}: the file states {shown(stated)}, but the {what} given is {shown(given)}, for all "
+            "files: omit it, correct this file, or write the files that do not state it as HDF5 that does."
         )
     return given if stated is None else stated
 
 
 def read_freqs(path):
-    """Frequencies in a .npy or text file, (n,), in MHz, and what states them, in words.
+    """Read frequencies from a .npy or text file, (n,), in MHz; also returns a description of their source.
 
-    It has one number a line, the centre of a channel, or the edges of channels that adjoin each other, as of
-    CRIME and CoLoRe, whose means are the centres: columns ``lower upper``, ``number lower upper`` with
-    numbers from 1, or those and two of redshifts. An InputError for another table.
+    The file has one number per line, the centre of a channel, or the edges of adjacent channels, as in CRIME
+    and CoLoRe, whose means are the centres: columns ``lower upper``, ``number lower upper`` with numbers from
+    1, or those and two redshifts. InputError for other tables.
     """
     numbers = read_numbers(regular_file(path, "file of frequencies"))
     if numbers.ndim == 1 or 1 in numbers.shape:
@@ -264,12 +264,12 @@ def read_freqs(path):
     if numbers.ndim == 2 and numbers.shape[1] in (2, 3, 5):
         *first, lower, upper = numbers.T[: min(numbers.shape[1], 3)]
         is_right = not first or np.array_equal(*first, np.arange(1, len(numbers) + 1))
-        both = ((lower, upper), (upper, lower))  # edges that two channels share, upwards or downwards
+        both = ((lower, upper), (upper, lower))  # shared edges, ascending or descending
         adjoin = any(same_freqs(end[:-1], start[1:]).all() for start, end in both)
         if is_right and adjoin and (lower > 0).all() and (lower < upper).all():
             return (lower + upper) / 2, f"the edges of channels in {path}"
     raise InputError(
-        f"{path} must have one frequency a line, the centre of a channel in MHz, or the edges of "
-        "channels that adjoin (lower upper, or number lower upper, or that and redshifts, as of CRIME); "
-        f"got a table of shape {numbers.shape}. Write the centres to a file, one a line."
+        f"{path} must have one frequency per line, the centre of a channel in MHz, or the edges of adjacent "
+        "channels (lower upper, or number lower upper, or that and redshifts, as in CRIME); got a table of "
+        f"shape {numbers.shape}. Write the centres to a file, one per line."
     )

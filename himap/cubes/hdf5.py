@@ -1,9 +1,9 @@
-"""Cubes in HDF5: a dataset of maps, one of frequencies, and what the attributes of these say.
+"""Cubes in HDF5: a dataset of maps, one of frequencies, and their attributes.
 
-Only what lies in the file itself is read. Nothing is guessed from a part of a name. The containers of cora,
-draco and caput (radiocosmology) have one exact structure: `map` with the axes (freq, pol, pixel), of the
-sphere; `index_map/freq`, a table with a column `centre`, or plain numbers, both in MHz; and `index_map/pol`,
-the names of the polarisations.
+Only data in the file itself are read, and only exact names are recognised. The containers of cora, draco and
+caput (radiocosmology) have a fixed structure: `map` with the axes (freq, pol, pixel), of the sphere;
+`index_map/freq`, a table with a column `centre`, or plain numbers, both in MHz; and `index_map/pol`, the
+names of the polarisations.
 """
 
 import math
@@ -26,13 +26,13 @@ _MAP, _MAP_FREQS, _MAP_POLS, _MAP_AXES = "map", "index_map/freq", "index_map/pol
 
 
 def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
-    """Maps (n_channels, n_pix) and `Layout` of a file; parameters as of `himap.cubes.files.read_file`."""
+    """Maps (n_channels, n_pix) and `Layout` of a file; parameters as in `himap.cubes.files.read_file`."""
     with access.opened(path, aside) as file:
         has_index = any(name.startswith("index_map/") for name in {*file.items, *file.elsewhere})
         is_container = has_index and getattr(file.arrays.get(_MAP), "ndim", 0) == 3
         is_container = is_container and maps_name in (None, _MAP) and freqs_name is None
         if (HEADERS in file.items or is_container) and (freqs_name, axes) != (None, None):
-            raise InputError(f"{path} states its axes and channels; leave --axes and --freqs-name out.")
+            raise InputError(f"{path} states its axes and channels; omit --axes and --freqs-name.")
         if HEADERS in file.items:
             return _read_images(file, maps_name)
         fitting = [name for name, item in file.arrays.items() if item.ndim == 2 and sphere_sizes(item.shape)]
@@ -56,13 +56,13 @@ def read_hdf5(path, *, maps_name=None, freqs_name=None, axes=None, aside=()):
 
 
 def _read_images(file, name):
-    """The maps and `Layout` of images, as `himap.cubes.writing` writes them, in an open file."""
+    """Maps and `Layout` of images in an open file, as written by `himap.cubes.writing`."""
     headers = [access.plain(text) for text in file.items[HEADERS][...]]
     pixels = pixels_of_headers(file.path, headers)
     n_channels = sum(part.n_channels for part in pixels.parts)
     shape = (n_channels, *pixels.shape)
     fitting = [name for name, item in file.arrays.items() if item.shape == shape]
-    item = file.maps(name, fitting, f"{shape}, as its {HEADERS} say")
+    item = file.maps(name, fitting, f"{shape}, as in its {HEADERS}")
     check_cube_room(file.path, math.prod(shape), item.dtype.itemsize)
     stated = _freqs_of(file, None, n_channels) | {"remarks": tuple(file.remarks)}
     stated |= {key: file.stated(item)[key] for key in ("unit", "about")}
@@ -70,9 +70,9 @@ def _read_images(file, name):
 
 
 def read_dataset(path, word):
-    """The numbers of the one dataset called `word`, in any group, and what is stated, for `Layout.of_sphere`.
+    """Numbers of the only dataset called `word`, in any group, and attributes for `Layout.of_sphere`.
 
-    Errors as of `read_hdf5`, and where there is no such dataset, or several.
+    Errors as in `read_hdf5`, and if there is no such dataset, or several.
     """
     with access.opened(path) as file:
         names = [name for name in (*file.arrays, *file.masks) if access.last_part(name) == word]
@@ -87,7 +87,7 @@ def read_dataset(path, word):
 
 
 def _frequencies_in(file, name):
-    """{dataset: how many} frequencies, of the one called `name`, or for None of all that are named so."""
+    """{dataset: number} of frequencies, of the dataset called `name`, or for None of all known names."""
     if name is not None:
         items = {name: file.get(name, "--freqs-name")}
     else:
@@ -97,7 +97,7 @@ def _frequencies_in(file, name):
 
 
 def _freqs_of(file, name, n_channels):
-    """What a `Layout` has of frequencies, in MHz: those and what states them, a dict."""
+    """Frequencies in MHz and a description of their source, a dict for a `Layout`."""
     lines, named = _frequencies_in(file, name), {}
     if name is not None and lines.get(name) != n_channels:
         raise InputError(
@@ -110,7 +110,7 @@ def _freqs_of(file, name, n_channels):
             factor = float(u.Unit(unit).to(u.MHz))
         except (ValueError, TypeError, RecursionError, u.UnitConversionError):
             raise InputError(
-                f"frequencies must be in Hz, MHz or GHz, {dataset} in {file.path} says {unit!r}."
+                f"frequencies must be in Hz, MHz or GHz, {dataset} in {file.path} has {unit!r}."
             ) from None
         named[dataset] = file.values(file.get(dataset)).astype(float) * factor
     if not named:
@@ -118,18 +118,18 @@ def _freqs_of(file, name, n_channels):
     first, *others = named
     if any(not np.array_equal(named[first], named[other]) for other in others):
         raise InputError(
-            f"{file.path} has several datasets of frequencies: {listed([*named])}. Name the right one with "
+            f"{file.path} has several datasets of frequencies: {listed([*named])}. Name one with "
             "--freqs-name."
         )
     return {"freqs": named[first], "freqs_from": f"the dataset {first}"}
 
 
 def _container_axes(file, maps):
-    """Which part of the `maps` of a container is Stokes I, and what its `Layout` has of channels, a dict."""
+    """Index of Stokes I in the `maps` of a container, and its channels, a dict for a `Layout`."""
     path, (n_channels, n_pols, n_pix) = file.path, maps.shape
     for name in (_MAP_POLS, _MAP_FREQS):
         if name not in file.items:
-            raise InputError(f"{path} has {_MAP} (freq, pol, pixel), but no {name} in its own file.")
+            raise InputError(f"{path} has {_MAP} (freq, pol, pixel), but no {name} in the same file.")
     axes = [access.plain(name) for name in np.atleast_1d(maps.attrs.get("axis", _MAP_AXES))]
     names, freqs = (file.values(file.get(name)) for name in (_MAP_POLS, _MAP_FREQS))
     names = [str(access.plain(name)) for name in names.ravel()]
@@ -138,13 +138,13 @@ def _container_axes(file, maps):
     if not (is_right and freqs.shape == (n_channels,) and freqs.dtype.kind in "fiu"):
         raise InputError(
             f"{path}: a container must have {_MAP} with the axes (freq, pol, pixel) and 12 nside^2 pixels, "
-            f"as {_MAP_POLS} the names of its polarisations and as {_MAP_FREQS} a frequency for each channel "
+            f"{_MAP_POLS} with the names of its polarisations, and {_MAP_FREQS} with a frequency per channel "
             f"in MHz, or a table with a column centre; got axes {axes} of {maps.shape}, {len(names)} names "
             f"and frequencies {freqs.dtype} {freqs.shape}. Write the intensity as (channels, pixels)."
         )
     if names.count("I") != 1:
         raise InputError(
-            f"{_MAP_POLS} in {path} must have I once, got {', '.join(names)}; write the intensity of each "
+            f"{_MAP_POLS} in {path} must contain I once, got {', '.join(names)}; write the intensity of each "
             "channel to a dataset of (channels, pixels)."
         )
     others = ", ".join(name for name in names if name != "I")

@@ -1,4 +1,4 @@
-"""Images in the plane with world coordinates (WCS): their pixels, and how a FITS file has them."""
+"""Images in the plane with world coordinates (WCS): their pixels and their FITS representation."""
 
 import re
 from contextlib import suppress
@@ -17,31 +17,31 @@ from himap.maps.frames import equinox_of, frame_of
 from himap.maps.healpix_io import card_text
 
 HEADERS = "headers"
-"""The dataset of HDF5 with the header of each image."""
+"""HDF5 dataset with the header of each image."""
 
 _STALE = ("BSCALE", "BZERO", "BLANK", "DATAMIN", "DATAMAX", "CHECKSUM", "DATASUM")
 _FREQ = re.compile("^(FREQUENCY|FREQ-(BAR|CMB|GAL|GEO|HEL|LGR|LSD|LSR|OBS|REST|SOU|SYS|TOP))$")
-_SAME = 1e-6  # of a pixel, or a step: coordinates that are written twice are the same
+_SAME = 1e-6  # of a pixel or step: tolerance for equal coordinates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImagePart:
-    """One image cube as an HDU of a file has it.
+    """An image cube as an HDU of a file.
 
     Attributes
     ----------
     path, index, header
         The file, the HDU and its header.
     shape
-        Of its array in the order of its world coordinates, with axes of length one that it lacks.
+        Of its array in the order of its world coordinates, including missing axes of length one.
     turn
-        Where the array of the file has these axes.
+        Position of these axes in the array of the file.
     order
-        Axes of `shape`: frequency, the two of the sky as they come, and those of length one.
+        Axes of `shape`: frequency, the two sky axes in their order, and those of length one.
     freqs
-        MHz, (n_channels,); None where its header does not state them.
+        MHz, (n_channels,); None if its header does not state them.
     celestial
-        World coordinates of the two axes of the sky.
+        World coordinates of the two sky axes.
     tables
         HDUs that its header refers to.
     """
@@ -64,15 +64,15 @@ class ImagePart:
         return self.shape[self.order[0]]
 
     def read(self, file):
-        """Its array in an open file as (n_channels, n_pix)."""
+        """The data in an open file as (n_channels, n_pix)."""
         stored = [self.shape[place] for place in np.argsort(self.turn)]
         data = file[self.index].data.reshape(stored).transpose(self.turn)
         return data.transpose(self.order).reshape(self.n_channels, -1)
 
     def hdu(self, maps, kind, *, freqs, unit, cards, history):
-        """An HDU of this kind with other maps (n_channels, n_y, n_x), in the order of its header.
+        """An HDU of type `kind` with other maps (n_channels, n_y, n_x), in the order of its header.
 
-        That is the same, with `freqs` where they were not stated.
+        The header is unchanged, except for `freqs` if it did not state them.
         """
         data = maps.reshape([self.shape[axis] for axis in self.order]).transpose(np.argsort(self.order))
         header = self.header.copy(strip=True)
@@ -83,7 +83,7 @@ class ImagePart:
                 header["WCSAXES"] = max(n_axes, header["WCSAXES"])
         if self.freqs is None:
             steps, axis = np.diff(freqs) if len(freqs) > 1 else np.ones(1), n_axes - self.order[0]
-            if np.allclose(steps, steps[0], rtol=_SAME, atol=0):  # others no such axis can state
+            if np.allclose(steps, steps[0], rtol=_SAME, atol=0):  # an axis cannot state others
                 values = ("FREQ", 1e6 * freqs[0], 1.0, 1e6 * steps[0], "Hz")
                 names = ("CTYPE", "CRVAL", "CRPIX", "CDELT", "CUNIT")
                 header.update({f"{name}{axis}": value for name, value in zip(names, values, strict=True)})
@@ -99,23 +99,23 @@ class ImagePart:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImagePixels:
-    """The pixels of an image, row by row as they are in the file; methods as of `SpherePixels`.
+    """The pixels of an image, row by row in the order of the file; methods as in `SpherePixels`.
 
     Attributes
     ----------
     parts
-        The `ImagePart` of each image cube that the channels came from; all share the axes of the sky.
+        The `ImagePart` of each image cube of the channels; all share the sky axes.
     """
 
     area: ClassVar[str] = "the image"
-    grid: ClassVar[str] = "axes of the sky"
+    grid: ClassVar[str] = "sky axes"
     whole_sky: ClassVar[bool] = False
     nested: ClassVar[None] = None
     parts: tuple[ImagePart, ...]
 
     @property
     def celestial(self):
-        """World coordinates of the two axes of the sky."""
+        """World coordinates of the two sky axes."""
         return self.parts[0].celestial
 
     @property
@@ -125,7 +125,7 @@ class ImagePixels:
 
     @property
     def frame(self):
-        """Of the coordinates, as of `himap.maps.frames.frame_of`; Galactic has no RADESYS."""
+        """Of the coordinates, as in `himap.maps.frames.frame_of`; Galactic has no RADESYS."""
         types, wcs = "".join(self.celestial.wcs.ctype), self.celestial.wcs
         if "RA" in types:
             return frame_of(wcs.radesys, wcs.equinox, "RADESYS")
@@ -138,10 +138,10 @@ class ImagePixels:
 
     @property
     def nside(self):
-        """An InputError: multipoles, beams and mocks ask for it."""
+        """Raises an InputError: multipoles, beams and mocks need it."""
         raise InputError(
-            "the cube is an image in the plane, and beams, mocks and multipoles are of the sphere: leave "
-            "them out, or put the cube on HEALPix, as reproject_to_healpix of the package reproject does."
+            "the cube is an image in the plane, and beams, mocks and multipoles need the sphere: omit them, "
+            "or convert the cube to HEALPix, for example with reproject_to_healpix of the package reproject."
         )
 
     def described(self, unit):
@@ -149,7 +149,7 @@ class ImagePixels:
         return f"images in {unit}, {self} of {columns:.3g} x {rows:.3g} deg"
 
     def same(self, other):
-        """Whether other pixels lie where these do, at the corners, the edges and the middle of the image."""
+        """Whether other pixels have the same positions, at the corners, edges and centre of the image."""
         if not isinstance(other, ImagePixels) or self.shape != other.shape:
             return False
         names, others = ([*map(str, one.celestial.wcs.ctype), one.frame] for one in (self, other))
@@ -161,7 +161,7 @@ class ImagePixels:
         return False
 
     def in_hdf5(self, layout):
-        """As of `SpherePixels`; the datasets have the header of each image, as FITS would have it."""
+        """As in `SpherePixels`; the datasets contain the header of each image, as in FITS."""
         empty = np.broadcast_to(np.float32(0), (len(layout.freqs), *self.shape))
         headers = [hdu.header.tostring() for hdu in self._hdus(empty, layout, fits.PrimaryHDU)]
         axes = "frequency, then those of the sky as in numpy"
@@ -178,14 +178,14 @@ class ImagePixels:
         fits.HDUList([*first, *images, *tables]).writeto(path, output_verify="silentfix+ignore")
 
     def _hdus(self, maps, layout, kind, *, cards=(), history=None):
-        """An HDU of this kind for each part, of maps (n_in_file, n_y, n_x)."""
+        """An HDU of type `kind` for each part, from maps (n_in_file, n_y, n_x)."""
         ends = np.cumsum([part.n_channels for part in self.parts])
         split = (np.split(values, ends[:-1]) for values in (maps, layout.freqs))
         for part, images, freqs in zip(self.parts, *split, strict=True):
             yield part.hdu(images, kind, freqs=freqs, unit=layout.unit, cards=cards, history=history)
 
     def pixel_angles(self):
-        """Height and width of the pixel in the middle of the image, rad."""
+        """Height and width of the central pixel of the image, rad."""
         middle = (np.array(self.shape[::-1]) - 1) / 2
         steps = np.array([[0, -0.5], [-0.5, 0], [0, 0.5], [0.5, 0]])
         world = self.celestial.all_pix2world(middle + steps, 0)
@@ -194,22 +194,22 @@ class ImagePixels:
 
 
 def image_name(path, index, header):
-    """What messages call an image."""
+    """Name of an image in messages."""
     name = str(header.get("EXTNAME") or "").strip()
     return f"{path}, HDU {index}" + (f" ({name})" if name else "")
 
 
 def world_of(header):
-    """The `WCS` of a header, which may have more axes than the array, and FREQ by other names (`_FREQ`)."""
+    """The `WCS` of a header, which may have more axes than the array, and other names for FREQ (`_FREQ`)."""
     header = header.copy()
-    frame_of(header.get("RADESYS"), name="RADESYS")  # astropy leaves out what is no text, and keeps any text
+    frame_of(header.get("RADESYS"), name="RADESYS")  # astropy ignores non-text values and accepts any text
     if "EQUINOX" in header:
         header["EQUINOX"] = equinox_of(header["EQUINOX"])
     for key in [key for key in header if key.startswith("CTYPE")]:
         name = str(header[key]).strip().upper()
         if name.endswith("-TAB"):
             raise InputError(
-                f"{key} of an image is {name}, coordinates in a table: make it blank, and give --freqs."
+                f"{key} of an image is {name}, coordinates in a table: leave it blank, and give --freqs."
             )
         header[key] = _FREQ.sub("FREQ", name)
     try:
@@ -217,7 +217,7 @@ def world_of(header):
     except WcsError as error:
         why = " ".join(str(error).split())
         raise InputError(
-            f"the world coordinates of an image cannot be understood ({why}): correct CTYPE, CUNIT and so on."
+            f"the world coordinates of an image are invalid ({why}): correct CTYPE, CUNIT and so on."
         ) from None
-    world.pixel_shape = None  # astropy takes no part of one that is shorter than its axes
+    world.pixel_shape = None  # astropy cannot slice one that is shorter than its axes
     return world

@@ -1,4 +1,4 @@
-"""How a file has a cube: what it states of channels, units and pixels; and what all readers share."""
+"""Layout of a cube in its file: channels, units and pixels; and helpers shared by all readers."""
 
 import re
 from dataclasses import dataclass, field, replace
@@ -13,39 +13,39 @@ from himap.maps.frames import FRAMES, frame_cards, frame_name, spectral_frame_of
 from himap.maps.healpix_io import MILLIKELVIN, write_maps
 
 OURS = ("method", "parameters", "himap", "restart", "restarts", "failed", "remarks", "axes", "wcs")
-"""What is written of a cleaning, and of its pixels: of one cube, and none that is made of it."""
+"""Keys that describe a cleaning and its pixels: valid for one cube, not for cubes derived from it."""
 
 STRUCTURE = re.compile(
     r"SIMPLE|XTENSION|EXTEND|END|BITPIX|NAXIS\d*|[PG]COUNT|TFIELDS|THEAP|T[A-Z]{3,4}\d+|EXT(NAME|VER|LEVEL)"
     r"|CHECKSUM|DATASUM|DATE|PIXTYPE|ORDERING|NSIDE|(FIRST|LAST)PIX|INDXSCHM|OBJECT|OBS_NPIX|GRAIN|BAD_DATA"
     r"|COORDSYS|EQUINOX|RADE(C)?SYS|B?UNIT|FREQ|COMMENT|HISTORY|"
 )
-"""Keys of a header of FITS that are written anew, by what was read, or not at all."""
+"""Keys of FITS headers that are rewritten from the data read, or dropped."""
 
 HELD = 4
-"""Cubes in float32 that cleaning holds at once besides that in the file; measured with 0.1 GB."""
+"""Number of float32 cubes in memory during cleaning, in addition to that of the file; measured at 0.1 GB."""
 
 _LISTED = 20  # names in a message
-_HELD_WEIGHTS = 3  # more of them for weights
-_LARGEST = 1e15  # what is as large as this is no number: healpy marks missing pixels with -1.6e30
-_ROUNDING = 1e-6  # relative: frequencies that are stated twice are the same
+_HELD_WEIGHTS = 3  # additional cubes with weights
+_LARGEST = 1e15  # larger values are not data: healpy marks missing pixels with -1.6e30
+_ROUNDING = 1e-6  # relative tolerance for equal frequencies
 _KEY, _TEXT = re.compile(r"[A-Za-z0-9_-]{1,8}"), re.compile(r"[ -~]{0,60}")  # of a card in FITS
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpherePixels:
-    """HEALPix pixels: in a `Cube` RING, in its file NESTED or RING.
+    """HEALPix pixels: RING in a `Cube`, NESTED or RING in its file.
 
     Attributes
     ----------
     nside
         Of the maps.
     nested
-        Whether the file has them in NESTED order; None where it does not say.
+        Whether the file is in NESTED order; None if not stated.
     partial
-        Whether the file names the pixels that it has (explicit indexing).
+        Whether the file lists its pixels (explicit indexing).
     frame
-        Of the coordinates, as of `himap.maps.frames.frame_of`; None where nothing says it.
+        Of the coordinates, as in `himap.maps.frames.frame_of`; None if not stated.
     """
 
     area: ClassVar[str] = "the sky"
@@ -61,7 +61,7 @@ class SpherePixels:
 
     @property
     def shape(self):
-        """Of a map."""
+        """Shape of a map."""
         return (12 * self.nside**2,)
 
     @property
@@ -70,19 +70,19 @@ class SpherePixels:
         return "NESTED" if self.nested else "RING"
 
     def described(self, unit):
-        """What they are, for a sentence."""
+        """Description for a sentence."""
         return f"maps of nside {self} in {unit}, {self.order}, {frame_name(self.frame)}"
 
     def same(self, other):
-        """Whether other pixels are of the same nside, in whatever order and frame."""
+        """Whether other pixels have the same nside, in any order and frame."""
         return isinstance(other, SpherePixels) and self.nside == other.nside
 
     def in_hdf5(self, layout):
-        """What HDF5 keeps of them, attributes {name: text}, and datasets {name: texts}."""
+        """Description stored in HDF5: attributes {name: text} and datasets {name: texts}."""
         return {"ordering": self.order} | {key.lower(): value for key, value in frame_cards(self.frame)}, {}
 
     def write(self, path, maps, layout, *, name, cards):
-        """Write maps of `Layout.as_given` as FITS; `name` says what they are, `cards` go into the header."""
+        """Write maps of `Layout.as_given` as FITS; `name` describes them, `cards` go into the header."""
         names = [f"{name} {np.format_float_positional(freq, trim='-')} MHz" for freq in layout.freqs]
         order = {"nested": self.nested, "partial": self.partial, "frame": self.frame}
         cards = [*layout.cards, *cards]
@@ -91,27 +91,27 @@ class SpherePixels:
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How a file has a cube; None for what it does not state, until `read_cube` completes it.
+    """Layout of a cube in its file; None for anything not stated, until `read_cube` completes it.
 
     Attributes
     ----------
     pixels
         The `SpherePixels` or `himap.cubes.images.ImagePixels`.
     freqs
-        MHz, of all channels in the file, those without a seen pixel included, (n_in_file,).
+        MHz, of all channels in the file, including those without an observed pixel, (n_in_file,).
     freqs_from
-        What states the frequencies, in words.
+        Source of the frequencies, in words.
     unit
-        Of the file, as text; "K", "mK" or "uK" once it is complete.
+        Of the file, as text; "K", "mK" or "uK" once complete.
     remarks
-        What was assumed or left out, for the user to read.
+        Assumptions and omissions, for the user.
     names
-        Of a folder the names of its files, one for each channel.
+        Names of the files of a folder, one per channel.
     about
-        What else the file says of the maps, {name: text or number}, to be written again; of the frame of its
-        frequencies SPECSYS, such as TOPOCENT or LSRK.
+        Other information of the file on the maps, {name: text or number}, copied to the output; SPECSYS for
+        the frame of the frequencies, such as TOPOCENT or LSRK.
     channels
-        For each channel of a `Cube` its place in the file, (n_channels,).
+        Index in the file of each channel of a `Cube`, (n_channels,).
     """
 
     pixels: object
@@ -124,22 +124,22 @@ class Layout:
     channels: np.ndarray | None = None
 
     def __post_init__(self):
-        _ = self.spectral_frame  # refuses a word that is none
+        _ = self.spectral_frame  # refuses an unknown frame
 
     @classmethod
     def of_sphere(cls, maps, nested=None, *, partial=False, frame=None, **stated):
-        """That of HEALPix maps (n_channels, n_pix); InputError for a number of pixels that no sphere has."""
+        """The layout of HEALPix maps (n_channels, n_pix); InputError for an invalid number of pixels."""
         pixels = SpherePixels(nside=sphere.nside_of(maps), nested=nested, partial=partial, frame=frame)
         return cls(pixels=pixels, **stated)
 
     @property
     def spectral_frame(self):
-        """SPECSYS, as of `himap.maps.frames.spectral_frame_of`; None where nothing says it."""
+        """SPECSYS, as in `himap.maps.frames.spectral_frame_of`; None if not stated."""
         return spectral_frame_of(self.about.get("SPECSYS"))
 
     @property
     def cards(self):
-        """What of `about` a header of FITS can hold, a list of (key, value)."""
+        """Entries of `about` that fit into a FITS header, a list of (key, value)."""
         return [
             (key.upper(), value)
             for key, value in self.about.items()
@@ -149,15 +149,15 @@ class Layout:
         ]
 
     def noted(self, *remarks):
-        """The same with more remarks."""
+        """Add remarks."""
         return replace(self, remarks=(*self.remarks, *remarks))
 
     def joined(self, label, frame, spectral_frame=None, *, rotate=False):
-        """The same with the frames of others where it states none, and remarks on what is assumed or rotated.
+        """Adopt the frames of other maps where none is stated; remarks on assumptions and rotation.
 
-        The others, called `label`, have a frame of coordinates, as of `himap.maps.frames.frame_of`, and a
-        spectral one, SPECSYS. An InputError where frames differ, but for those of coordinates that are known
-        if the others may be rotated (`rotate`).
+        The other maps, called `label`, have a frame of coordinates, as in `himap.maps.frames.frame_of`, and a
+        spectral one, SPECSYS. InputError if frames differ, except for known frames of coordinates if `rotate`
+        allows the rotation of the others.
         """
         pixels, about, said = self.pixels, self.about, []
         mine, theirs = frame_name(pixels.frame), frame_name(frame)
@@ -165,34 +165,34 @@ class Layout:
             raise InputError(f"only HEALPix maps are rotated: reproject {label} to the header of the cube.")
         if pixels.whole_sky and frame != pixels.frame:
             if frame is None:
-                said.append(f"{label} does not state its frame: assumed as that of the cube, {mine}.")
+                said.append(f"{label} does not state its frame: assumed to be that of the cube, {mine}.")
             elif pixels.frame is None:
-                said.append(f"the cube does not state its frame: assumed as that of {label}, {theirs}.")
+                said.append(f"the cube does not state its frame: assumed to be that of {label}, {theirs}.")
                 pixels = replace(pixels, frame=frame)
             elif not rotate:
                 raise InputError(
-                    f"coordinates must be of one frame: that of {label} is {theirs} (COORDSYS = {frame}), of "
-                    f"the cube {mine} (COORDSYS = {pixels.frame}). Rotate all to that of the cube with "
-                    "rotate=True (--rotate), or correct the card that is wrong."
+                    f"frames of coordinates differ: that of {label} is {theirs} (COORDSYS = {frame}), that "
+                    f"of the cube {mine} (COORDSYS = {pixels.frame}). Rotate all to that of the cube with "
+                    "rotate=True (--rotate), or correct the wrong card."
                 )
             elif not {frame, pixels.frame} <= FRAMES.keys():
                 known = ", ".join(FRAMES)
                 raise InputError(f"{label} is {theirs}, the cube {mine}: only {known} can be rotated.")
             else:
-                said.append(f"{label}: rotated, {theirs} to {mine}.")
+                said.append(f"{label}: rotated from {theirs} to {mine}.")
         mine, theirs = self.spectral_frame, spectral_frame_of(spectral_frame)
         if mine is None and theirs is not None:
             about = about | {"SPECSYS": theirs}
             said.append(f"the cube does not state its spectral frame: assumed as that of {label}, {theirs}.")
         elif theirs not in (None, mine):
             raise InputError(
-                f"{label} must have the spectral frame of the cube, SPECSYS = {mine}, and has {theirs}; "
-                "convert one of them, or correct the card that is wrong."
+                f"{label} must have the spectral frame of the cube, SPECSYS = {mine}, but has {theirs}; "
+                "convert one of them, or correct the wrong card."
             )
         return replace(self, pixels=pixels, about=about).noted(*said)
 
     def as_given(self, maps, mask):
-        """Maps (n_channels, n_seen) of the pixels in `mask`, laid out as in the file; NaN elsewhere."""
+        """Maps (n_channels, n_seen) of the pixels in `mask`, in the layout of the file; NaN elsewhere."""
         out = np.full((len(self.freqs), len(mask)), np.nan, dtype=maps.dtype)
         full_map = np.full(len(mask), np.nan, dtype=maps.dtype)
         order = sphere.nest_to_ring(self.pixels.nside) if self.pixels.nested else slice(None)
@@ -203,29 +203,29 @@ class Layout:
 
 
 def is_seen(pixels):
-    """Which pixels are neither NaN nor infinite nor UNSEEN."""
+    """Which pixels are neither NaN, infinite nor UNSEEN."""
     return np.abs(pixels.astype(np.result_type(pixels.dtype, np.float32), copy=False)) < _LARGEST
 
 
 def same_freqs(first, second):
-    """Which frequencies are the same but for their rounding, of two arrays that fit each other."""
+    """Which frequencies of two arrays that broadcast agree within rounding."""
     return np.isclose(first, second, rtol=_ROUNDING, atol=0)
 
 
 def listed(names, separator=", "):
-    """The first of some names, for a message, and how many more there are."""
+    """The first names of a list, for a message, and the number of others."""
     more = [f"and {len(names) - _LISTED} more"] if len(names) > _LISTED else []
     return separator.join([*names[:_LISTED], *more])
 
 
 def plain_pairs(pairs, left_out=()):
-    """Those of texts and numbers, a dict, without the names in `left_out` and those that himap writes."""
+    """Entries with texts and numbers, a dict, without names in `left_out` and those written by himap."""
     plain = ((key, value) for key, value in pairs.items() if isinstance(value, str | int | float))
     return {key: value for key, value in plain if key.lower() not in {*left_out, *OURS}}
 
 
 def only_value(path, what, values, names):
-    """The value that all maps in `path` have; `what` it is, and their `names`, say where they differ."""
+    """The common value of all maps in `path`; errors use the description `what` and the `names`."""
     first = {value: n for n, value in reversed([*enumerate(values)])}
     if len(first) > 1:
         each = (f"{values[n]} ({names[n]})" for n in sorted(first.values()))
@@ -234,6 +234,6 @@ def only_value(path, what, values, names):
 
 
 def check_cube_room(path, n_values, itemsize, *, weighed=False):
-    """Refuse a cube of `n_values` voxels of `itemsize` bytes, with weights if `weighed`, that cannot fit."""
+    """Refuse a cube of `n_values` voxels of `itemsize` bytes, with weights if `weighed`, beyond memory."""
     held = HELD + _HELD_WEIGHTS * weighed
     check_room(f"work on {path}", PROCESS + n_values * (itemsize + 4 * held))

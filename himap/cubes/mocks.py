@@ -1,4 +1,4 @@
-"""Mocks for a cube of one's own: HI that is known, in the channels and pixels of the cube."""
+"""Mocks for a user's cube: known HI in its channels and pixels."""
 
 import math
 
@@ -16,30 +16,30 @@ from himap.measures.cylindrical import cell_of
 from himap.sky.cosmology import HIModel, redshift
 from himap.sky.hi import hi_maps
 
-_CELLS = (64, 1024)  # of a box, along one side: the least, and what fits a workstation
-_DEEP = 1.05  # times the depth of a channel: cells that hold nearly all of its HI
-_ROOM = 1.01  # of the box beyond the band
-_BRIGHT = 0.5  # rms over that of a cube with foreground, which is far brighter than HI
+_CELLS = (64, 1024)  # cells per side of a box: minimum, and maximum for a workstation
+_DEEP = 1.05  # times the depth of a channel: cells that contain nearly all of its HI
+_ROOM = 1.01  # size of the box relative to the band
+_BRIGHT = 0.5  # rms relative to a cube with foreground, which is far brighter than HI
 
 
 def read_mocks(cube, paths, *, tell=None, **reading):
-    """The maps of mocks from files, one after the other, (n_channels, n_seen) float32, mK.
+    """Yield the maps of mocks from files, (n_channels, n_seen) float32, mK.
 
     Parameters
     ----------
     cube
-        The `Cube` that they are put into.
+        The `Cube` whose signal the mocks replace.
     paths
-        Files as `read_cube` takes them, one for each mock, with the beam of the cube.
+        Files as in `read_cube`, one per mock, with the beam of the cube.
     tell
-        Called with what the user should know of a file, a sentence.
+        Called with each remark on a file, a sentence.
     reading
-        As in `read_truth`, for what the files do not say.
+        As in `read_truth`, for anything the files do not state.
 
     Raises
     ------
     InputError
-        When a file is read: one of another nside, of other channels, or that does not see what the cube does.
+        When a file is read: another nside, other channels, or missing pixels of the cube.
     """
     for path in paths:
         mock = read_truth(path, cube=cube, **reading)
@@ -50,38 +50,38 @@ def read_mocks(cube, paths, *, tell=None, **reading):
         if tell:
             rms = [np.sqrt(np.mean([channel.var() for channel in one])) for one in (maps, cube.maps)]
             if (share := rms[0] / rms[1]) > _BRIGHT:
-                tell(f"{path} has {share:.2g} times the rms of the cube: mocks are HI and noise alone.")
+                tell(f"{path} has {share:.2g} times the rms of the cube: mocks are HI and noise only.")
         yield maps
 
 
 def draw_mocks(cube, beams, n_mocks, *, noise=None, tell=None):
-    """The maps of lognormal mocks, one after the other, (n_channels, n_seen) float32, mK.
+    """Yield the maps of lognormal mocks, (n_channels, n_seen) float32, mK.
 
-    HI as in the simulations of the paper, through the beams, and white noise where its level is given. The
-    box is as fine as the channels: of 1 MHz it takes some minutes and up to 9 GB of memory for each mock.
+    HI as in the simulations of the paper, through the beams, and white noise if its level is given. The box
+    resolves the channels: for 1 MHz, each mock needs some minutes and up to 9 GB of memory.
 
     Parameters
     ----------
     cube
-        The `Cube` that they are put into.
+        The `Cube` whose signal the mocks replace.
     beams
         b_l, (n_channels, lmax + 1) with lmax of 2 nside or more.
     n_mocks
-        How many.
+        Number of mocks.
     noise
-        Of a pixel, mK, a number or (n_channels,); None for none.
+        Noise per pixel, mK, a number or (n_channels,); None for none.
     tell
-        As in `read_mocks`; of channels that are narrower than the cells of the largest box.
+        As in `read_mocks`; also for channels narrower than the cells of the largest box.
 
     Raises
     ------
     InputError
-        No beams, channels that are not evenly spaced or beyond what can be simulated, or a bad number.
+        No beams, unevenly spaced channels, channels outside the range of simulations, or an invalid number.
     """
     whole_number("the number of mocks", n_mocks, 1, 10_000)
     if beams is None:
         raise InputError(
-            "mocks are made with the beam of the cube; give it (beams=, --beam), or mocks of your own."
+            "mocks need the beam of the cube; give it (beams=, --beam), or mocks of your own."
         )
     beams = checked_beams("beams", beams, len(cube.freqs))
     sigma = checked_noise("noise", noise, len(cube.freqs))
@@ -90,8 +90,8 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None, tell=None):
     cell = survey.box_size / survey.box_cells
     if tell and cell > _DEEP * depth:
         tell(
-            f"Channels are {depth:.2g} Mpc/h deep and the cells of the mocks, {survey.box_cells} along a "
-            f"side, {cell:.2g}: they have too little HI at large k; give mocks of your own (--mocks FILE)."
+            f"Channels are {depth:.2g} Mpc/h deep, and the cells of the mocks, {survey.box_cells} per side, "
+            f"{cell:.2g}: HI power is too low at large k; give mocks of your own (--mocks FILE)."
         )
 
     def mock(rng):
@@ -110,24 +110,24 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None, tell=None):
 
 
 def mock_survey(cube):
-    """The `Survey` that has the channels and pixels of a cube, and a box that holds its band.
+    """The `Survey` with the channels and pixels of a cube, and a box that contains its band.
 
-    Its cells are no larger than a channel is deep, but for boxes of 1024 cells along a side, and 4 nside of
-    them are one or more. Channels that the file of the cube has, and the cube not, are in it where the others
-    are uneven without.
+    Cells are no larger than the depth of a channel, except for boxes of 1024 cells per side, and there are at
+    least 4 nside cells per side. If channels are missing in the cube but present in its file, and spacing
+    would be uneven without them, they are included.
 
     Raises
     ------
     InputError
-        Channels that are not evenly spaced, or a band outside what `Survey` takes.
+        Unevenly spaced channels, or a band outside the range of `Survey`.
     """
     whole = len(cube.freqs) == len(cube.layout.freqs) or evenly_spaced(cube.freqs)
     freqs = cube.freqs if whole else np.sort(cube.layout.freqs)
     if not evenly_spaced(freqs):
         steps = np.diff(cube.freqs)
         raise InputError(
-            f"mocks can be made for evenly spaced channels, and these are {steps.min():g} to {steps.max():g} "
-            "MHz apart; give mocks of your own (--mocks FILE)."
+            f"mocks need evenly spaced channels, but the spacing is {steps.min():g} to {steps.max():g} "
+            "MHz; give mocks of your own (--mocks FILE)."
         )
     half = float(freqs[-1] - freqs[0]) / (len(freqs) - 1) / 2
     low, high = float(freqs[0]) - half, float(freqs[-1]) + half

@@ -1,7 +1,7 @@
-"""A cross-check of corrected power: what neighbouring channels have in common, in a cube and in its mocks.
+"""Cross-check of corrected power: the common power of neighbouring channels, in a cube and in its mocks.
 
-Noise is independent in each channel; HI and foregrounds are not. So the cross power of even and odd channels
-says which share of the power is noise.
+Noise is independent between channels, HI and foregrounds are not. The cross power of even and odd channels
+therefore measures the noise share of the power.
 """
 
 from dataclasses import dataclass
@@ -15,17 +15,17 @@ from himap.measures.diagnostics import bands
 
 @dataclass(frozen=True, kw_only=True)
 class Common:
-    """The share of the power in one band of l that neighbouring channels have in common.
+    """Share of the power in a band of l that neighbouring channels have in common.
 
     Attributes
     ----------
     cube, mocks
-        In the residual of the cube, and the mean of those of members of its bootstrap; less what was
-        estimated as foreground.
+        For the residual of the cube, and the mean for members of its bootstrap; the estimated foreground
+        residual is subtracted.
     error
-        Of the difference, the scatter of members; NaN where one mock is all.
+        Of the difference, from the scatter of members; NaN for a single mock.
     chance
-        That it is as large.
+        Probability of a difference at least as large.
     """
 
     cube: float
@@ -35,7 +35,7 @@ class Common:
 
 
 def in_neighbours(transfer):
-    """{band of l: `Common`} of a cleaned cube, by its `CubeTransfer`."""
+    """{band of l: `Common`} for a cleaned cube, from its `CubeTransfer`."""
     shares, n_mocks = {}, len(transfer.mocks)
     for name, (kind, inside) in bands(transfer.degrees, transfer.k).items():
         if kind == "angular":
@@ -54,28 +54,28 @@ def in_neighbours(transfer):
 
 
 def neighbours_table(shares):
-    """A `Table` of what `in_neighbours` gives."""
+    """A `Table` of the result of `in_neighbours`."""
     rows = [
         [name, *map("{:.4f}".format, (one.cube, one.mocks, one.error)), f"{one.chance:.2g}"]
         for name, one in shares.items()
     ]
     note = (
-        "Share of the power that neighbouring channels have in common: of the residual and of the mocks, "
-        "less what was estimated as foreground; the error of the difference, and the chance that it is as "
-        "large."
+        "Share of the power that neighbouring channels have in common, for the residual and for the mocks, "
+        "without the estimated foreground residual; error of the difference, and probability of a difference "
+        "at least as large."
     )
     return band_table(["neighbouring channels", "cube", "mocks", "error", "chance"], rows, note)
 
 
 def remarks_on_neighbours(shares):
-    """What the user should know of it, a list of sentences."""
+    """Remarks on significant differences, a list of sentences."""
     unlike = [
         f"{name}: {one.cube:.3f} and {one.mocks:.3f}"
         for name, one in shares.items()
         if one.chance * len(shares) < LEVEL
     ]
     return [
-        "Neighbouring channels have another share of their power in common than those of the mocks (cube "
-        f"and mocks: {'; '.join(unlike)}). Noise is not that of the mocks (--mock-noise), or HI changes "
-        "faster or slower with frequency."
+        "The share of power that neighbouring channels have in common differs from that of the mocks (cube "
+        f"and mocks: {'; '.join(unlike)}). Noise differs from that of the mocks (--mock-noise), or HI "
+        "decorrelates at a different rate with frequency."
     ] * bool(unlike)

@@ -1,4 +1,4 @@
-"""Pages in HTML on a cleaned cube, of tables, figures and notes, that need no other file and no network."""
+"""Self-contained HTML pages on a cleaned cube, with tables, figures and notes."""
 
 import base64
 import html
@@ -28,34 +28,34 @@ td, th { padding: .2rem .5rem .2rem 0; }
 td:first-child, th:first-child { white-space: nowrap; }
 figure { margin: 1.5rem 0; } figcaption { font-size: .9rem; opacity: .85; }
 """
-_WIDE = np.deg2rad(20)  # across an image: at its edge an angle is half a percent off the plane
-_FAINT = 1e-3  # of the faintest eigenvalue before: what cleaning took altogether is drawn there
+_WIDE = np.deg2rad(20)  # size of an image at whose edge angles deviate from the plane by half a percent
+_FAINT = 1e-3  # of the smallest eigenvalue before cleaning: removed modes are drawn there
 _CLEANED = {"label": "cleaned", "color": styles.BLUE}
 _SPECTRA = (
-    "A smooth, steep rise towards the smallest k is foreground residual; a dip there is signal that "
-    "was removed. A bump at one k is a ripple of the instrument."
+    "A smooth, steep rise towards the smallest k is foreground residual; a dip there is signal loss. A bump "
+    "at one k is an instrumental ripple."
 )
 _ANGULAR = (
-    " A rise towards the largest multipoles, after a method that uses the beam, means that the beam is not "
-    "that of the cube."
+    " A rise towards the largest multipoles, after a method that uses the beam, means that the assumed beam "
+    "is wrong."
 )
 _WEDGE = (
-    "Foreground residual fills the smallest k_par, and where the beam changes with frequency a wedge "
+    "Foreground residual occupies the smallest k_par, and where the beam changes with frequency a wedge "
     "above them."
 )
 _MODES = (
-    "Foreground components exceed the slow decline of HI and noise. Cleaned eigenvalues above HI and "
-    "noise mean too few sources; spectra that are one spike mean too many. Where a method projects and no "
-    "peaks are masked, the last eigenvalues after cleaning, as many as there were sources, are zero."
+    "Foreground components exceed the slow decline of HI and noise. Eigenvalues above HI and noise after "
+    "cleaning mean too few sources; spectra that are a single spike mean too many. If a method projects and "
+    "no peaks are masked, the last eigenvalues after cleaning, one per source, are zero."
 )
 _MAPS = (
-    "HI and noise look alike in all directions. Structure that follows the Galaxy or point sources is "
-    "foreground; lines of sight whose rms stands out can be left out of the spectra."
+    "HI and noise are statistically isotropic. Structure that follows the Galaxy or point sources is "
+    "foreground residual; lines of sight with an outlying rms can be excluded from the spectra."
 )
 
 
 def write_page(path, title, parts, *, said=()):
-    """Write a page of `parts`, each HTML or a `Table`; at its end sentences, what was assumed."""
+    """Write a page of `parts`, each HTML or a `Table`, followed by sentences on what was assumed."""
     head = [
         '<!doctype html><html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
@@ -69,12 +69,12 @@ def write_page(path, title, parts, *, said=()):
 
 
 def note(text):
-    """HTML of a paragraph that must not be overlooked."""
+    """HTML of a highlighted paragraph."""
     return f"<p><strong>Note:</strong> {html.escape(text)}</p>"
 
 
 def figure(picture, alt, text, *, title=""):
-    """HTML of a matplotlib figure with a text under it, and a title above."""
+    """HTML of a matplotlib figure with a caption below and a title above."""
     buffer = io.BytesIO()
     picture.savefig(buffer, format="png", dpi=100, bbox_inches="tight")
     data = base64.b64encode(buffer.getvalue()).decode()
@@ -86,20 +86,20 @@ def figure(picture, alt, text, *, title=""):
 
 
 def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None):
-    """Write the page on a `CleanedCube`: spectra, leading modes, maps of the residual, and what to look at.
+    """Write the page on a `CleanedCube`: spectra, leading modes, maps of the residual, and remarks.
 
     Parameters
     ----------
     cleaned, path
-        The `CleanedCube`, and where to write.
+        The `CleanedCube`, and the path of the output.
     truth
-        A `Cube` of what a perfect cleaning would leave.
+        A `Cube` of the residual of a perfect cleaning.
     spectra
-        What `compared` gives with a truth, and `spectra_of` without, where it is at hand.
+        Result of `compared` if there is a truth, otherwise of `spectra_of`, if already computed.
     more
-        Parts of the page that follow the spectra, as of `write_page`.
+        Parts of the page after the spectra, as in `write_page`.
     said
-        Sentences, what was assumed; default: those of the cube.
+        Sentences on what was assumed; default: those of the cube.
     """
     check_cleaned(cleaned)
     if spectra is None:
@@ -126,7 +126,7 @@ def _head(cleaned, said):
     cube, method, pixels = cleaned.cube, cleaned.method, cleaned.cube.layout.pixels
     parameters = [f"{name} = {value}" for name, value in asdict(method).items()]
     kept = [slice(None)] * len(cube.maps) if cube.missing is None else ~cube.missing
-    rms_before, rms_after = (  # of what is seen, less the means of channels
+    rms_before, rms_after = (  # of observed voxels, without the means of channels
         np.sqrt(np.mean([row[some].var(dtype=np.float64) for row, some in zip(maps, kept, strict=True)]))
         for maps in (cube.maps, cleaned.residual)
     )
@@ -143,7 +143,7 @@ def _head(cleaned, said):
 
 
 def cylindrical_part(cleaned, truth=None):
-    """A part of a page: `patch_power` of a `CleanedCube`, next to that of the truth, a `Cube`, if known."""
+    """A part of a page: `patch_power` of a `CleanedCube`, and of the truth, a `Cube`, if known."""
     cube, ratio = cleaned.cube, None
     try:
         power, n_patches = patch_power(cube, cleaned.residual)
@@ -152,7 +152,7 @@ def cylindrical_part(cleaned, truth=None):
             shown["HI + noise"] = patch_power(cube, cube.seen_of(truth))[0].power
             ratio = (r"$P / P_0$", power.power / shown["HI + noise"])
     except InputError as error:
-        return note(f"There is no P(k_perp, k_par): {error}")
+        return note(f"No P(k_perp, k_par): {error}")
     picture = planes.power_planes(
         shown,
         x=power.perp_edges,
@@ -167,26 +167,26 @@ def cylindrical_part(cleaned, truth=None):
 
 
 def _about_patches(cube, n_patches):
-    """The text under P(k_perp, k_par): scales, and what they are of."""
+    """The caption of P(k_perp, k_par): scales and area."""
     if cube.image is None:
         return (
-            f"The mean over {n_patches} flat patches of {np.rad2deg(PATCH):.0f} deg, as far as the Nyquist "
-            "wavenumber of the pixels, whose window it has. Scales are comoving, with the cosmology of the "
-            f"paper. {_WEDGE}"
+            f"Mean over {n_patches} flat patches of {np.rad2deg(PATCH):.0f} deg, up to the Nyquist "
+            "wavenumber of the pixels, not corrected for the pixel window. Scales are comoving, with the "
+            f"cosmology of the paper. {_WEDGE}"
         )
     angles = cube.layout.pixels.pixel_angles()
     text = (
         f"Scales are comoving, at redshift {cell_of(cube.freqs, angles)[1]:.3g}, on a flat sky, with the "
-        f"cosmology of the paper; the area that is not seen is left out of the normalisation. {_WEDGE}"
+        f"cosmology of the paper; the unobserved area is excluded from the normalisation. {_WEDGE}"
     )
     widest = np.max(cube.layout.pixels.shape * angles)
     if widest > _WIDE:
-        text += f" The image is {np.rad2deg(widest):.0f} deg wide: scales are those in its middle."
+        text += f" The image is {np.rad2deg(widest):.0f} deg wide: scales are those at its centre."
     return text
 
 
 def spectra_figure(spectra):
-    """The spectra that `spectra_of` gives, or with their ratios to the truth those of `compared`."""
+    """Figure of the spectra from `spectra_of`, or of those from `compared` with their ratios to the truth."""
     if isinstance(spectra, Comparison):
         kinds = ("angular", "frequency") if len(spectra.degrees) else ("frequency",)
         return plotting.spectrum([plotting.comparison_panel(k, [(_CLEANED, spectra)]) for k in kinds])
@@ -198,14 +198,14 @@ def spectra_figure(spectra):
 
 
 def panel(kind, curves, **settings):
-    """A panel of `plotting.lines` with "eigenvalues" or, of `styles.AXES`, power, on logarithmic axes."""
+    """A panel of `plotting.lines` with "eigenvalues" or, from `styles.AXES`, power, on logarithmic axes."""
     known = {"eigenvalues": {"xlabel": "component", "ylabel": r"variance [mK$^2$]"}} | styles.AXES
     labels = {name: known[kind][name] for name in ("xlabel", "ylabel")}
     return labels | {"curves": curves, "xscale": "log", "yscale": "log"} | settings
 
 
 def modes_figure(cleaned):
-    """Eigenvalues of the channel covariance before and after, and the mixing matrix."""
+    """Figure of eigenvalues of the channel covariance before and after cleaning, and the mixing matrix."""
     before, after = (
         np.linalg.eigvalsh(channel_covariance(maps))[::-1] for maps in (cleaned.maps, cleaned.residual)
     )
@@ -227,7 +227,7 @@ def modes_figure(cleaned):
 
 
 def maps_figure(cleaned):
-    """The residual in the channel in the middle, and its rms over channels; empty where nothing is seen."""
+    """Figure of the residual in the central channel, and its rms over channels; blank where not observed."""
     cube, middle, maps = cleaned.cube, len(cleaned.cube.freqs) // 2, {}
     there = True if cube.missing is None else ~cube.missing[middle]
     n_seen = len(cube.freqs) if cube.missing is None else np.count_nonzero(~cube.missing, axis=0)

@@ -1,4 +1,4 @@
-"""How the power spectra of a cleaned cube scatter between the restarts of a method that is chaotic."""
+"""Scatter of the power spectra of a cleaned cube between restarts of a chaotic method."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,13 @@ from himap.figures import plotting, styles
 from himap.measures.diagnostics import bands
 
 PERCENTILES = (16, 50, 84)
-"""Of the members: the ends of the band, and the median between them."""
+"""Of the members: the limits of the band, and the median."""
 
 _TEXT = (
-    "Each thin line is a restart, whose start differs by 1e-10; the thick line is their median, and the band "
-    "is from their 16 to their 84 %. They differ in foreground residual or signal loss. "
-    "The one that was written is the medoid, whose residual is nearest to those of all others. What all "
-    "restarts have in common is not seen here."
+    "Each thin line is a restart, whose start is perturbed by 1e-10; the thick line is the median, and the "
+    "band the 16 to 84 % range. Restarts differ in foreground residual or signal loss. The output is the "
+    "medoid, whose residual is closest to those of all others. Errors common to all restarts do not appear "
+    "here."
 )
 
 
@@ -33,7 +33,7 @@ class Scatter:
     powers
         {kind: power, (n_members, n_x)}, mK^2 and mK^2 MHz.
     medoid
-        Which member is the medoid.
+        Index of the medoid.
     """
 
     x: dict
@@ -41,7 +41,7 @@ class Scatter:
     medoid: int
 
     def columns(self, kind, x):
-        """Those of a table, `PERCENTILES` of the power at places `x`: {"restarts_16": (n,)} and so on."""
+        """Table columns: `PERCENTILES` of the power at `x`, {"restarts_16": (n,)} and so on."""
         powers = zip(PERCENTILES, np.percentile(self.powers[kind], PERCENTILES, axis=0), strict=True)
         return {f"restarts_{percent}": np.interp(x, self.x[kind], power) for percent, power in powers}
 
@@ -49,7 +49,7 @@ class Scatter:
 def scatter_of(cleaned):
     """The `Scatter` of a `CleanedCube` with an ensemble.
 
-    Members differ from the medoid by a few spectra times maps: for C_l only these are analysed.
+    Members differ from the medoid by a few spectra times maps: C_l is computed from these alone.
     """
     cube, residual, ensemble = cleaned.cube, cleaned.residual, cleaned.ensemble
     near, powers = analysed(cube, residual), []
@@ -63,7 +63,7 @@ def scatter_of(cleaned):
 
 
 def scatter_table(scatter):
-    """A `Table` with the power of the members over that of the medoid in each band."""
+    """A `Table` of the power of the members relative to that of the medoid in each band."""
     rows = []
     for name, (kind, inside) in bands(*scatter.x.values()).items():
         power = scatter.powers[kind][:, inside].mean(axis=1)
@@ -73,7 +73,7 @@ def scatter_table(scatter):
 
 
 def scatter_parts(scatter):
-    """Parts of a page: both spectra of all members with their median and band, and the table."""
+    """Parts of a page: both spectra of all members with median and band, and the table."""
     look = {"label": "restarts", "color": styles.BLUE}
     panels = [panel(kind, [(x, scatter.powers[kind], look)]) for kind, x in scatter.x.items()]
     picture = figure(plotting.lines(panels), "Spectra of restarts", _TEXT, title="Restarts")

@@ -1,4 +1,4 @@
-"""How far the residual of a cube depends on the beam that is assumed, without the truth."""
+"""Sensitivity of the residual of a cube to the assumed beam, without the truth."""
 
 import numpy as np
 import pandas as pd
@@ -16,23 +16,23 @@ from himap.instrument.beams.base import Beam
 from himap.instrument.beams.others import PerturbedBeam
 
 WIDTHS, RIPPLES = (-1e-2, -1e-3, 1e-3, 1e-2), (1e-5, 1e-4, 1e-3)
-"""What is tried unless given: errors of the FWHM, of all channels and oscillating, relative."""
+"""Default errors of the FWHM, relative: the same in all channels, and oscillating."""
 
-_FAR = np.log(2)  # a ratio that is shown on a logarithmic axis
+_FAR = np.log(2)  # a ratio that needs a logarithmic axis
 
 
 def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20.0, dish=None):
-    """How the residual of a cleaned cube changes if another beam is assumed.
+    """Change of the residual of a cleaned cube if another beam is assumed.
 
-    The truth is not needed: where the power of the residual depends on an error of the beam that cannot be
-    excluded, there is foreground in it or HI is lost.
+    The truth is not needed: if the residual power is sensitive to a beam error that cannot be excluded, the
+    residual contains foreground or HI is lost.
 
     Parameters
     ----------
     cleaned
-        The `CleanedCube`, of a method that uses the beam.
+        The `CleanedCube`, from a method that uses the beam.
     beam, dish
-        As the cube was cleaned with, as in `beams_of`.
+        The beam used for cleaning, as in `beams_of`.
     widths
         Relative errors of the FWHM of all channels.
     ripples, period
@@ -41,20 +41,20 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
     Returns
     -------
     DataFrame
-        A row for each beam, by `kind` ("width" or "ripple") and `error` (relative to the FWHM); a column for
-        each band, such as "C/C0, 10-19", of power with that beam over power with the one that was assumed.
+        A row per beam, with `kind` ("width" or "ripple") and `error` (relative to the FWHM); a column per
+        band, such as "C/C0, 10-19", of power with that beam relative to power with the assumed beam.
 
     Raises
     ------
     InputError
-        A method that does not use the beam, no error at all, one outside its range, or a ripple that the
-        channels of the cube hardly show.
+        A method that does not use the beam, no error, an error outside its range, or a ripple that is nearly
+        constant over the channels of the cube.
     """
     cube, method = cleaned.cube, cleaned.method
     if "beams" not in method.uses:
-        raise InputError(f"{method.name} does not use the beam, so that no error of it changes the result.")
+        raise InputError(f"{method.name} does not use the beam, so beam errors do not affect the result.")
     assumed = perturbed_beams(beam, cube.freqs, widths, ripples, period)
-    known = [(one, beams_of(cube, one, dish=dish)) for one in assumed]  # fails now
+    known = [(one, beams_of(cube, one, dish=dish)) for one in assumed]  # fails early
     alms = alms_of(cube, cleaned.residual, cleaned.separation.lmax)
     ratios = {}
     for one, beams in progress(known, "beams"):
@@ -65,23 +65,23 @@ def beam_sensitivity(cleaned, beam, *, widths=WIDTHS, ripples=RIPPLES, period=20
 
 
 def perturbed_beams(beam, freqs, widths=WIDTHS, ripples=RIPPLES, period=20.0):
-    """A list of `PerturbedBeam` for channels at `freqs`, MHz; the rest as of `beam_sensitivity`."""
+    """`PerturbedBeam` list for channels at `freqs`, MHz; other parameters as in `beam_sensitivity`."""
     beam = beam if isinstance(beam, Beam) else named(beam)
     assumed = [PerturbedBeam(beam=str(beam), width=width) for width in widths]
     assumed += [PerturbedBeam(beam=str(beam), ripple=ripple, period=period) for ripple in ripples]
     if not assumed or not all(one.width or one.ripple for one in assumed):
-        raise InputError("there must be errors of the beam, and none that is 0: widths, ripples or both.")
+        raise InputError("beam errors must be given and nonzero: widths, ripples or both.")
     for one in assumed:
-        if np.ptp(one.error(freqs)) < abs(one.ripple):  # of twice that at most
+        if np.ptp(one.error(freqs)) < abs(one.ripple):  # the range is at most twice the amplitude
             raise InputError(
-                f"a ripple of {period:g} MHz is nearly the same in all channels, which are "
-                f"{np.diff(freqs).min():g} MHz apart: give another period= (--period), or widths alone."
+                f"a ripple of {period:g} MHz is nearly constant over the channels, which are "
+                f"{np.diff(freqs).min():g} MHz apart: give another period= (--period), or only widths."
             )
     return assumed
 
 
 def sensitivity_table(sensitivity, period=20.0):
-    """A `Table` with a line for each beam of `beam_sensitivity`: the band whose ratio is furthest from 1."""
+    """A `Table` with a row per beam of `beam_sensitivity`: the band whose ratio deviates most from 1."""
     far = np.log(sensitivity.clip(lower=np.finfo(float).tiny)).abs().idxmax(axis=1)
     wrong = {"width": "FWHM of all channels", "ripple": f"ripple of {period:g} MHz"}
     rows = [
@@ -92,7 +92,7 @@ def sensitivity_table(sensitivity, period=20.0):
 
 
 def sensitivity_figure(sensitivity):
-    """The ratios of all bands for each error of the beam: one panel for each kind."""
+    """Figure of the ratios of all bands for each beam error, one panel per kind."""
     panels = []
     for kind, title in {"width": "error of the FWHM [%]", "ripple": "ripple of the FWHM [%]"}.items():
         if kind not in sensitivity.index:
@@ -112,7 +112,7 @@ def sensitivity_figure(sensitivity):
                 "xticks": at,
                 "xticklabels": [f"{100 * error:+.3g}" for error in several.index],
                 "xlabel": title,
-                "ylabel": "power over that with the beam as believed",
+                "ylabel": "power relative to the assumed beam",
                 "legend": {"fontsize": 7, "ncols": 2},
             }
         )
@@ -120,12 +120,12 @@ def sensitivity_figure(sensitivity):
 
 
 def write_sensitivity(sensitivity, path, *, period=20.0, said=()):
-    """Write a page with the table and the figure of `beam_sensitivity`, and what was assumed."""
+    """Write a page with the table and figure of `beam_sensitivity`, and the assumptions."""
     text = (
-        "The power of the residual if the beam differs from the assumed one, over that if it does not, in "
-        "bands of l and k. Where it leaves the grey lines, 1 % off, for an error that cannot be "
-        "excluded, know the beam better or remove one source more."
+        "Power of the residual with an erroneous beam, relative to that with the assumed beam, in bands of l "
+        "and k. If it leaves the grey 1 % lines for an error that cannot be excluded, constrain the beam "
+        "better or remove one more source."
     )
     picture = figure(sensitivity_figure(sensitivity), "Power of the residual for other beams", text)
     parts = [sensitivity_table(sensitivity, period), picture]
-    write_page(path, "How much depends on the beam?", parts, said=said)
+    write_page(path, "Sensitivity to the beam", parts, said=said)

@@ -15,23 +15,23 @@ from himap.measures.low_rank_spectra import difference, masked_alms, recovered_p
 from himap.measures.spectra import AngularPower, PowerSpectra, angular_power, frequency_power
 
 PATCH = np.deg2rad(14)
-"""Side of a flat patch of the sphere, rad: at its corner an angle is 0.3 % off the plane."""
+"""Side of a flat patch of the sphere, rad: at its corners angles deviate from the plane by 0.3 %."""
 
-_FINER = 2  # cells along a pixel: the sky is sampled without gaps
-_LEAST, _MOST = 0.8, 48  # share of a patch that is seen, and patches
-_ALIKE = 1e-5  # relative: the same maps but for rounding
+_FINER = 2  # cells per pixel along one side, so that all pixels are sampled
+_LEAST, _MOST = 0.8, 48  # observed share of a patch, and number of patches
+_ALIKE = 1e-5  # relative: equal maps within rounding
 
 
 def spectra_of(cleaned, near=None):
-    """The `PowerSpectra` of a `CleanedCube`: C_l, decoupled with a mask, and P(k_nu); of an image no C_l.
+    """The `PowerSpectra` of a `CleanedCube`: C_l (not of images), decoupled if masked, and P(k_nu).
 
-    With `near`, as of `analysed`, of maps that differ by a few spectra, only these are analysed.
+    With `near` (`analysed`) of maps that differ by a few spectra, only the differences are analysed.
     """
     return power_spectra(cleaned.cube, cleaned.residual, near)
 
 
 def power_spectra(cube, maps, near=None):
-    """The same of maps (n_channels, n_seen), mK, of the pixels of a `Cube`."""
+    """The `PowerSpectra` of maps (n_channels, n_seen), mK, in the pixels of a `Cube`."""
     frequency, mask = frequency_power(maps, cube.channel_width), cube.sky_mask
     if cube.image is not None:
         angular = AngularPower(degrees=np.empty(0), cl=np.empty((len(maps), 0)))
@@ -44,15 +44,15 @@ def power_spectra(cube, maps, near=None):
 
 
 def analysed(cube, maps):
-    """Maps (n_channels, n_seen) of a `Cube` on the sphere, and their coefficients; None of images."""
+    """Maps (n_channels, n_seen) of a `Cube` on the sphere, and their coefficients; None for images."""
     full = cube.on_sphere(maps)
     return None if cube.image is not None else (full, masked_alms(full, mask=cube.sky_mask))
 
 
 def scales(cleaned, near=None):
-    """The powers (n,) by which two cleanings are compared, a tuple; parameters as of `spectra_of`.
+    """Powers (n,) for the comparison of two cleanings, a tuple; parameters as in `spectra_of`.
 
-    C_l for 2 <= l <= 2 nside, or of images P(k_perp, k_par) where there is one, and P(k) for k > 0.
+    C_l for 2 <= l <= 2 nside, or for images P(k_perp, k_par) if available, and P(k) for k > 0.
     """
     cube, spectra, powers = cleaned.cube, spectra_of(cleaned, near), []
     if cube.image is None:
@@ -65,9 +65,9 @@ def scales(cleaned, near=None):
 
 
 def compared(cleaned, truth):
-    """The `Comparison` of the spectra of a `CleanedCube` with those of the truth; of an image without C_l.
+    """The `Comparison` of the spectra of a `CleanedCube` with those of the truth; no C_l of images.
 
-    The truth is a `Cube` of what a perfect cleaning would leave; errors as of `check_truth`.
+    The truth is a `Cube` of the residual of a perfect cleaning; errors as in `check_truth`.
     """
     cube = cleaned.cube
     check_truth(cube, truth)
@@ -77,9 +77,9 @@ def compared(cleaned, truth):
 
 
 def check_truth(cube, truth, label="the truth"):
-    """Refuse a truth, a `Cube` that errors call `label`, which is none of `cube`.
+    """Refuse a truth, a `Cube` called `label` in errors, that does not match `cube`.
 
-    It may have other pixels, channels or frames, not see what the cube does, or be the cube itself.
+    It may have other pixels, channels or frames, lack pixels of the cube, or be the cube itself.
     """
     pixels, others = cube.layout.pixels, truth.layout.pixels
     if not pixels.same(others) or len(truth.freqs) != len(cube.freqs):
@@ -93,14 +93,14 @@ def check_truth(cube, truth, label="the truth"):
                 f"{label} must have the frequencies of the cube, "
                 f"got {one:.10g} MHz where that has {other:.10g}."
             )
-    cube.layout.joined(label, others.frame, truth.layout.spectral_frame)  # refuses others
+    cube.layout.joined(label, others.frame, truth.layout.spectral_frame)  # refuses other frames
     if (cube.mask & ~truth.mask).any():
-        gaps = "" if cube.missing is None else ", with any number in missing voxels, where it counts nothing"
-        raise InputError(f"{label} must see all pixels of the cube{gaps}.")
+        gaps = "" if cube.missing is None else ", with any values in missing voxels, which are ignored"
+        raise InputError(f"{label} must cover all pixels of the cube{gaps}.")
     seen, pairs = cube.mask[truth.mask], zip(truth.maps, cube.maps, strict=True)
     if all(np.allclose(true[seen], pixels, rtol=_ALIKE, atol=0) for true, pixels in pairs):
         raise InputError(
-            f"{label} is the cube itself: give what a perfect cleaning would leave, HI and noise."
+            f"{label} is the cube itself: give the residual of a perfect cleaning, HI and noise."
         )
 
 
@@ -115,13 +115,13 @@ def patch_power(cube, maps):
     Returns
     -------
     (CylindricalPower, int)
-        And the number of patches, 1 of an image. Of patches as far as the Nyquist wavenumber of the pixels,
-        whose window it has.
+        Also the number of patches, 1 for an image. For patches up to the Nyquist wavenumber of the pixels,
+        including the pixel window.
 
     Raises
     ------
     InputError
-        No patch that is seen to four fifths, or as `cell_of`.
+        No patch with sufficient coverage (four fifths), or errors of `cell_of`.
     """
     full, powers = cube.on_sphere(maps), []
     if cube.image is not None:
@@ -133,7 +133,7 @@ def patch_power(cube, maps):
     centres, shares = patch_centres(cube.mask, PATCH, n_cells, least=_LEAST, most=_MOST)
     if not len(centres):
         raise InputError(
-            f"P(k_perp, k_par) needs a patch of {np.rad2deg(PATCH):.0f} deg of which {_LEAST:.0%} is seen, "
+            f"P(k_perp, k_par) needs a patch of {np.rad2deg(PATCH):.0f} deg with {_LEAST:.0%} coverage, "
             "and the cube has none."
         )
     nyquist = np.pi / (cell[1] * pixel * n_cells / PATCH)

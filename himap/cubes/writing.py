@@ -1,4 +1,4 @@
-"""Cleaned cubes, written as the cube was given: HDF5, FITS or .npy, complete files or none."""
+"""Write cleaned cubes in the layout of the input: HDF5, FITS or .npy, complete files or none."""
 
 import json
 import os
@@ -16,67 +16,67 @@ from himap.cubes.cleaning import check_cleaned
 from himap.cubes.hdf5_access import meaning_of
 
 OUTPUTS = (".h5", ".hdf5", ".fits", ".fits.gz", ".npy")
-"""What the name of a cleaned cube ends with."""
+"""File name endings of a cleaned cube."""
 
-_COLUMNS = 999  # at most in a table in FITS
+_COLUMNS = 999  # maximum of a table in FITS
 
 
 def ending_of(path):
-    """The one of `OUTPUTS` that a name ends with, in small letters; its suffix for other names."""
+    """The ending in `OUTPUTS` of a name, in lower case; the suffix of other names."""
     return next((end for end in OUTPUTS if path.name.lower().endswith(end)), path.suffix)
 
 
 def companion(path, ending):
-    """A file next to a cleaned cube, of the same name but for its end."""
+    """A file next to a cleaned cube, with the same name and another ending."""
     return path.with_name(f"{path.name[: len(path.name) - len(ending_of(path))]}{ending}")
 
 
 def check_columns(cube, path):
-    """Refuse a file in FITS for HEALPix maps of more channels than its table can have columns."""
+    """Refuse a FITS file for HEALPix maps with more channels than its table can have columns."""
     pixels = cube.layout.pixels
     n_columns = len(cube.layout.freqs) + bool(pixels.whole_sky and pixels.partial)
     if pixels.whole_sky and ending_of(Path(path)).startswith(".fits") and n_columns > _COLUMNS:
         raise InputError(
-            f"a table in FITS has {_COLUMNS} columns at most, and {path} would need {n_columns}: write "
-            f"HDF5, {companion(Path(path), '.h5')}."
+            f"a FITS table has at most {_COLUMNS} columns, and {path} would need {n_columns}: write HDF5, "
+            f"{companion(Path(path), '.h5')}."
         )
 
 
 def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
-    """All files of a cleaned cube, or of a page, `path` first, which can be written.
+    """Check all output files of a cleaned cube, or of a page, and return them, `path` first.
 
     Parameters
     ----------
     path, overwrite
-        The first file, and whether they may be there already.
+        The first file, and whether existing files may be replaced.
     inputs
-        Files that are never written over.
+        Files that are never overwritten.
     endings
-        Those of further files of its name.
+        Endings of further files with the same name.
     page
-        Whether it is a page in HTML.
+        Whether the output is an HTML page.
 
     Raises
     ------
     InputError
-        Another ending, a folder that cannot be written to, a file that is there and not to be overwritten, or
-        one of `inputs`.
+        Another ending, a folder that is not writable, an existing file without `overwrite`, or one of
+        `inputs`.
     """
     path, more = Path(path), ()
     ending = ending_of(path)
     if page and ending != ".html":
-        raise InputError(f"the page is a .html file, got {path}.")
+        raise InputError(f"the page must be a .html file, got {path}.")
     if not page and ending not in OUTPUTS:
-        raise InputError(f"the output is a {', '.join(OUTPUTS[:-1])} or {OUTPUTS[-1]} file, got {path}.")
+        raise InputError(f"the output must be a {', '.join(OUTPUTS[:-1])} or {OUTPUTS[-1]} file, got {path}.")
     if ending not in (".h5", ".hdf5", ".html"):
         more = (f"_foreground{ending}", "_mixing.txt")
     paths = [path, *(companion(path, end) for end in (*more, *endings))]
     folder = Path(os.path.realpath(path.parent))
-    try:  # what the permissions promise is not always so
+    try:  # permissions are not always reliable
         with tempfile.TemporaryFile(dir=folder):
             pass
         places = [Path(os.path.realpath(each)) for each in paths]
-        _ = [place.exists() for place in places]  # raises for a name that none can have
+        _ = [place.exists() for place in places]  # raises for an invalid name
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(
@@ -86,7 +86,7 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
     originals = {Path(os.path.realpath(each)) for each in inputs if os.path.lexists(each)}
     for each, place in zip(paths, places, strict=True):
         if originals & {place, folder}:
-            raise InputError(f"{each} would change what it is made from; choose another output.")
+            raise InputError(f"{each} is an input and would be overwritten; choose another output.")
     check_free(paths, overwrite=overwrite)
     return paths
 
@@ -94,42 +94,42 @@ def check_output(path, *, overwrite, inputs=(), endings=(), page=False):
 def save_cleaned(cleaned, path, *, overwrite=False):
     """Write a `CleanedCube`: residual, foreground and mixing matrix.
 
-    Channels, pixels and units are as in the file that the cube came from, and so is the header of an image;
-    pixels that were not seen are NaN (of HEALPix in FITS: UNSEEN). Of a voxel that was missing the residual
-    is NaN, the foreground what was estimated of it. An HDF5 file holds it all; with FITS and .npy come
-    NAME_foreground and NAME_mixing.txt.
+    Channels, pixels, units and the header of an image are those of the input file; unobserved pixels are NaN
+    (UNSEEN for HEALPix in FITS). In missing voxels the residual is NaN, and the foreground is its estimate
+    there. An HDF5 file contains all results; FITS and .npy are accompanied by NAME_foreground and
+    NAME_mixing.txt.
 
     Returns
     -------
     list
-        The paths that were written.
+        The paths of the written files.
 
     Raises
     ------
     InputError
-        Another ending than those of `OUTPUTS`, more channels than FITS has columns, or a file that is there
-        already, without `overwrite`.
+        An ending not in `OUTPUTS`, more channels than FITS has columns, or an existing file without
+        `overwrite`.
     """
     check_cleaned(cleaned)
     check_columns(cleaned.cube, path)
     paths = check_output(path, overwrite=overwrite)
-    with atomic_files(*paths) as temporary:  # all of them or none
+    with atomic_files(*paths) as temporary:  # all files or none
         write_cleaned(cleaned, temporary)
     return paths
 
 
 def write_cleaned(cleaned, paths, *, said=None):
-    """Write a `CleanedCube` to files, `paths` as of `check_output`.
+    """Write a `CleanedCube` to files, `paths` from `check_output`.
 
-    What was assumed (`said`, sentences; default: those of the cube) and the remarks on the result go into the
-    attribute `remarks` of HDF5, HISTORY of FITS, and the head of the table. So do the parameters of the
-    method, which HDF5 has as the attribute `parameters`, in JSON.
+    The assumptions (`said`, sentences; default: those of the cube) and the remarks on the result are written
+    to the attribute `remarks` of HDF5, HISTORY of FITS, and the head of the table; likewise the parameters of
+    the method, in HDF5 as the attribute `parameters`, in JSON.
     """
     sentences = [*(cleaned.cube.said if said is None else said), *cleaned.remarks]
     cube, layout, mixing = cleaned.cube, cleaned.cube.layout, cleaned.separation.mixing
     about = {"method": cleaned.method.name, "himap": __version__}
     parameters = json.dumps(asdict(cleaned.method))
-    if cleaned.ensemble is not None:  # which of several restarts, of how many, and how many look failed
+    if cleaned.ensemble is not None:  # index and number of restarts, and of likely failures
         about |= {"restart": cleaned.method.restart, "restarts": len(cleaned.ensemble.members)}
         about |= {"failed": sum(map(bool, cleaned.ensemble.flags))}
     cubes = {"residual": cleaned.residual_with_nan, "foreground": cleaned.foreground}
@@ -137,14 +137,14 @@ def write_cleaned(cleaned, paths, *, said=None):
     if ending_of(paths[0]) in (".h5", ".hdf5"):
         try:
             _write_hdf5(cleaned, paths[0], as_given, about | {"parameters": parameters}, sentences)
-        except RuntimeError as error:  # what h5py raises for a full disk when a file is closed
+        except RuntimeError as error:  # raised by h5py on closing a file on a full disk
             raise OSError(str(error)) from None
         return
     *targets, table = paths
     sentences = [f"parameters: {parameters}", *sentences]
     for target, (name, maps) in zip(targets, as_given, strict=True):
         if ending_of(target) == ".npy":
-            with open(target, "wb") as file:  # np.save adds .npy to a name that ends with .NPY
+            with open(target, "wb") as file:  # np.save would add .npy to a name ending in .NPY
                 np.save(file, maps)
         else:
             cards = [(key.upper(), value) for key, value in about.items()]
@@ -170,7 +170,7 @@ def _write_hdf5(cleaned, path, as_given, about, sentences):
         attributes, datasets = layout.pixels.in_hdf5(layout)
         for name, values in datasets.items():
             file.create_dataset(name, data=values)
-        # h5py has no zeros in texts, and a card of FITS may have the name of what says how pixels are kept.
+        # h5py allows no zero bytes in texts, and a FITS card may have the name of a pixel attribute.
         kept = {key: value for key, value in layout.about.items() if meaning_of(key) in (None, "SPECSYS")}
         texts = {key: value for key, value in kept.items() if "\0" not in f"{value}"}
         file.attrs.update(texts | attributes | about)
