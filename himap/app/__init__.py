@@ -1,1 +1,1 @@
-"""The notebooks: where they are, what they depend on, how they are run."""
+"""The notebooks: their location, dependencies and execution."""

@@ -1,8 +1,8 @@
-"""Kernels in the Python of this process, spoken to through files that all lie in one folder of it.
+"""Kernels in the Python of this process, connected through files in one folder of it.
 
-Not in the first Python that a kernel called python3 on Jupyter's path has. And not through ports: two kernels
-that start at the same time may choose the same free one, and one of them dies, where several notebooks run at
-once, by hand or in tests.
+They use neither the first kernel called python3 on Jupyter's path nor ports: two kernels that start at the
+same time may choose the same free port, and one of them fails, if several notebooks run at the same time,
+manually or in tests.
 """
 
 import os
@@ -14,7 +14,7 @@ from jupyter_client.kernelspec import KernelSpec
 
 from himap.core.files import run_folder
 
-_LONGEST = 100  # bytes of the name of a socket; some systems end at 103
+_LONGEST = 100  # bytes of a socket name; some systems allow only 103
 
 
 class _ThroughFiles:
@@ -27,7 +27,7 @@ class _ThroughFiles:
 
     @property
     def kernel_spec(self):
-        """That of `sys.executable`, started here, whatever the name of the kernel and what is configured."""
+        """That of `sys.executable`, started here, independent of the kernel name and configuration."""
         spec = KernelSpec(**get_kernel_dict())
         spec.metadata["kernel_provisioner"] = {"provisioner_name": "local-provisioner"}
         return spec
@@ -38,7 +38,7 @@ class LocalKernelManager(_ThroughFiles, KernelManager):
 
 
 class AsyncLocalKernelManager(_ThroughFiles, AsyncKernelManager):
-    """For papermill; one that ends by itself leaves its exit code in the class."""
+    """For papermill; a kernel that ends by itself stores its exit code in the class."""
 
     exit_code = None
 

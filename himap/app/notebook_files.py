@@ -1,12 +1,12 @@
-"""Notebook files: how an executed notebook is cleaned, stamped, read and written, and its figures.
+"""Notebook files: cleaning, stamping, reading and writing of executed notebooks, and their figures.
 
-An executed notebook is cleaned of paths, times and versions, so that executing it again changes the
-file only where the content changes, its stamp aside, and its pictures are packed. Its stamp holds the
-fingerprint of its code, the parameters that were passed, a digest of its text, which shows whether it was
-edited since, and when it was last executed: the commit, the time it took, the versions.
+An executed notebook is cleaned of paths, times and versions, so that repeated execution changes the file,
+except for its stamp, only if the content changes; pictures are compressed. The stamp holds the fingerprint of
+its code, the parameters that were passed, a digest of its text, which reveals later edits, and information on
+the last execution: the commit, the run time, the versions.
 
-The caption of a figure says which one of the paper it shows, ``(the paper's Fig. A.1)``, or names those that
-it has a share in.
+The caption of a figure states which figure of the paper it reproduces, ``(the paper's Fig. A.1)``, or lists
+those to which it contributes.
 """
 
 import base64
@@ -26,30 +26,30 @@ from himap.core.files import atomic_files, check_free
 from himap.figures.numbers import QUOTED
 
 STAMP = "himap_run"
-"""Key of the stamp in the metadata; not ``himap``, the header's, which jupytext copies to the .py."""
+"""Key of the stamp in the metadata; not ``himap``, used by the header, which jupytext copies to the .py."""
 
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 """The kernelspec of every notebook."""
 
 _JUPYTEXT = {"formats": "ipynb,py:percent", "notebook_metadata_filter": "himap"}
-"""For those who edit in Jupyter: saving writes the .py too, and keeps its header."""
+"""For editing in Jupyter: saving also writes the .py, and keeps its header."""
 
 _REMARK = r"the paper's Fig\. ([\w.]*\w)"
 _END = re.compile(r"(?<!\bFig)(?<!\bFigs)(?<!\bEq)(?<!\bSect)(?<!\bApp)\. ")  # of a sentence
 _HEAVY = 1e5  # bytes of a picture
-_LARGEST_DATA = 3_000_000  # characters of the numbers of one figure; beyond it is a cloud of points
+_LARGEST_DATA = 3_000_000  # characters of the data of one figure; larger ones are clouds of points
 _LONGEST_NAME = 120  # a file name may have 255 bytes
 _ROLE = re.compile(r"\{([\w:]+)\}`([^`]*)`")
 _FORMULA = re.compile(r"^```\{math\}\n((?::[^\n]*\n)*)(.*?)\n```$", re.MULTILINE | re.DOTALL)
-_LABEL = re.compile(r"^\([\w-]+\)=\n|\[([^]]+)\]\([\w-]+\)", re.MULTILINE)  # a place, and a link to one
+_LABEL = re.compile(r"^\([\w-]+\)=\n|\[([^]]+)\]\([\w-]+\)", re.MULTILINE)  # a label, and a link to one
 
 
 def stamped(node, source, *, fingerprint, parameters, execution=None):
-    """The executed `node`, cleaned in place, with the header of its ``.py``, `source`, and its stamp.
+    """Clean the executed `node` in place, and add the header of its ``.py``, `source`, and its stamp.
 
-    The stamp holds the rest; `execution` is `himap.store.provenance.environment` with "seconds".
+    The stamp holds the other arguments; `execution` is `himap.store.provenance.environment` with "seconds".
     """
-    import nbformat  # slow, as below, and only what handles notebooks needs it
+    import nbformat  # slow, as below, and needed only for notebooks
 
     from himap.figures.data import DATA_TYPES
 
@@ -72,9 +72,9 @@ def stamped(node, source, *, fingerprint, parameters, execution=None):
 
 
 def smaller_picture(png):
-    """A picture (base64) in 256 colours, a heavy one in half of that, so that a page of them loads quickly.
+    """Reduce a picture (base64) to 256 colours, a large one to 128, so that pages load quickly.
 
-    That is a third of the size, and the same to the eye.
+    This is a third of the size, without visible difference.
     """
     from PIL import Image
 
@@ -92,7 +92,7 @@ def smaller_picture(png):
 
 
 def code_cells(node):
-    """The code cells that do something: not those of blank lines and comments only."""
+    """The code cells that are not only blank lines and comments."""
     return [cell for cell in node.cells if cell.cell_type == "code" and has_code(cell.source)]
 
 
@@ -102,12 +102,12 @@ def has_code(source):
 
 
 def figure_options(cell):
-    """{"name", "caption"} of the figure that a cell draws; empty if it draws none."""
+    """{"name", "caption"} of the figure drawn by a cell; empty if none."""
     return cell.metadata.get("mystnb", {}).get("figure", {})
 
 
 def number_cells(node):
-    """Give cells ids that depend on their content, so that they stay when other cells come and go."""
+    """Assign ids to cells from their content, so that they persist when other cells are added or removed."""
     seen = {}
     for cell in node.cells:
         key = hashlib.sha256(f"{cell.cell_type}\n{cell.source}".encode()).hexdigest()[:8]
@@ -116,11 +116,11 @@ def number_cells(node):
 
 
 def for_jupyter(node, notebook, parameters, seconds):
-    """Write out, in an executed copy of a notebook, what only the book would show.
+    """Write into an executed copy of a notebook what otherwise only the book shows.
 
-    That is: quoted numbers, references, formulas and captions, which are roles, directives and metadata. The
-    copy of a `Notebook`, `node`, is changed: it begins with the parameters, {name: value}, that it was
-    executed with, and says how many seconds it took.
+    Quoted numbers, references, formulas and captions are roles, directives and metadata. The copy of a
+    `Notebook`, `node`, is changed: it begins with the parameters, {name: value}, of its execution, and states
+    the run time in seconds.
     """
     import nbformat
 
@@ -132,11 +132,11 @@ def for_jupyter(node, notebook, parameters, seconds):
             return f"{seconds:.0f} s for this copy"
         if kind == "glue:text":
             path, _, name = text.rpartition("::")
-            if path not in numbers:  # of another chapter, so of the book
+            if path not in numbers:  # from another chapter of the book
                 with contextlib.suppress(OSError, ValueError):
                     numbers[path] = _quoted(read_notebook(notebook.path.parent / path).cells)
             name = name.partition(":")[0]
-            return numbers.get(path, {}).get(name, f"`{name}`")  # after hours of work nothing may be missing
+            return numbers.get(path, {}).get(name, f"`{name}`")  # do not fail after hours of computation
         if kind.startswith("cite"):
             keys = (re.fullmatch(r"(\D*)(.*)", key) for key in text.split(","))
             return f"[{', '.join(f'{key[1].title()} {key[2]}'.strip() for key in keys)}]"
@@ -157,21 +157,21 @@ def for_jupyter(node, notebook, parameters, seconds):
 
 
 def _formula(directive):
-    """A formula between dollars, its label as its number."""
+    """A formula between dollars, with its label as its number."""
     label = re.search(r":label: (\S+)", directive[1])
     tag = rf"\tag{{{label[1]}}}" if label else ""
     return f"$$\n{directive[2]}{tag}\n$$"
 
 
 def _quoted(cells):
-    """{name: text} of the numbers that `himap.figures.numbers.quote` kept in executed cells."""
+    """{name: text} of the numbers stored by `himap.figures.numbers.quote` in executed cells."""
     outputs = (output for cell in cells for output in cell.get("outputs", []))
     named = {output.get("metadata", {}).get("scrapbook", {}).get("name"): output for output in outputs}
     return {name: literal_eval(output["data"][QUOTED[0]]) for name, output in named.items() if name}
 
 
 def text_digest(node):
-    """SHA-256 (hex) of what a reader sees of the source: all cells, their tags and captions, the header."""
+    """SHA-256 (hex) of the visible source: all cells, their tags and captions, the header."""
     shown = [
         [cell.cell_type, cell.source, cell.metadata.get("tags") or [], cell.metadata.get("mystnb") or {}]
         for cell in node.cells
@@ -181,14 +181,14 @@ def text_digest(node):
 
 
 def read_notebook(path):
-    """The notebook in an ``.ipynb`` file; OSError or ValueError where there is none."""
+    """The notebook in an ``.ipynb`` file; OSError or ValueError if there is none."""
     import nbformat
 
     return nbformat.read(path, as_version=4)
 
 
 def write_notebook(node, path):
-    """Write a notebook under another name, then rename it: whole or not at all."""
+    """Write a notebook under a temporary name, then rename it: the file is complete or not written."""
     import nbformat
 
     with atomic_files(path) as (temporary,):
@@ -206,13 +206,13 @@ def copy_name(notebook, preset, values, suffix=".ipynb"):
 
 
 def check_output(path, suffix=".ipynb", *, overwrite=False):
-    """`path`, or an InputError now rather than after hours of work.
+    """Return `path`, or raise an InputError before hours of computation.
 
-    That is for another ending, a place that cannot be written to, or, without `overwrite`, a file.
+    For another ending, a path that is not writable, or, without `overwrite`, an existing file.
     """
     if path.suffix != suffix:
-        raise InputError(f"the output is the path of a file, something{suffix}; got {str(path)!r}.")
-    try:  # what the permissions promise is not always so
+        raise InputError(f"the output must be a file name ending in {suffix}, got {str(path)!r}.")
+    try:  # permissions are not always reliable
         parent = next(folder for folder in path.absolute().parents if folder.exists())
         with tempfile.TemporaryFile(dir=parent):
             pass
@@ -224,8 +224,8 @@ def check_output(path, suffix=".ipynb", *, overwrite=False):
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure: its label, its caption with quoted numbers filled in, its notebook's name, the picture, and
-    {ending of the file: its content} of the numbers behind it."""
+    """A figure: its label, its caption with quoted numbers inserted, the name of its notebook, the picture,
+    and {file ending: content} of its data."""
 
     name: str
     caption: str
@@ -235,13 +235,13 @@ class Figure:
 
     @property
     def paper(self):
-        """The number of the paper's figure that it is, such as "1" or "A.2"; empty if it is none."""
+        """Number of the paper's figure, such as "1" or "A.2"; empty if none."""
         number = re.search(rf"\((?:\w+; )?{_REMARK}", self.caption)
         return number[1] if number else ""
 
     @property
     def curves(self):
-        """{panel: {curve: [(x, y)]}} of its CSV; empty where it has none."""
+        """{panel: {curve: [(x, y)]}} of its CSV; empty if none."""
         panels = {}
         for row in csv.DictReader(io.StringIO(self.data.get("csv", b"").decode())):
             points = panels.setdefault(row["panel"], {}).setdefault(row["curve"], [])
@@ -250,25 +250,25 @@ class Figure:
 
 
 def named_figures(caption):
-    """The numbers of all figures of the paper that a caption names, those that it has a share in too."""
+    """Numbers of all figures of the paper in a caption, including those to which it contributes."""
     return re.findall(_REMARK, caption)
 
 
 def plain_caption(caption, *, whole=False):
-    """The first sentence of a caption, or all that have no role, less which figure of the paper it is."""
+    """The first sentence of a caption, or all those without roles, without the figure number of the paper."""
     sentences = _END.split(re.sub(rf" \({_REMARK}[^)]*\)", "", caption).rstrip("."))
     return ". ".join(one for one in sentences if "{" not in one) if whole else sentences[0]
 
 
 def figure_order(number):
-    """Key that sorts numbers of the paper's figures: 1 to 7, then those of the appendices."""
+    """Sort key for numbers of the paper's figures: 1 to 7, then those of the appendices."""
     appendix, _, count = number.rpartition(".")
     return appendix, int(count)
 
 
 def figures(path):
     """The figures of the executed notebook at `path`, a list of `Figure` in order."""
-    from himap.figures.data import DATA_TYPES  # slow, and who runs a notebook needs none of it
+    from himap.figures.data import DATA_TYPES  # slow, and not needed to run a notebook
 
     cells = read_notebook(path).cells
     quoted, drawn = _quoted(cells), []

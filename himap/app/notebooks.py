@@ -1,7 +1,7 @@
-"""The notebooks: where they are, what each declares, and the fingerprint of its code.
+"""The notebooks: their location, their declarations, and the fingerprints of their code.
 
-A notebook is a pair: ``NN_name.py`` (py:percent), which people edit, and ``NN_name.ipynb``, executed,
-which people open.
+A notebook is a pair: ``NN_name.py`` (py:percent), which is edited, and ``NN_name.ipynb``, executed, which is
+read.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Notebook:
-    """One notebook of the companion, by the path of its ``.py``."""
+    """A notebook of the companion, identified by the path of its ``.py``."""
 
     path: Path
 
@@ -35,8 +35,8 @@ class Notebook:
 
     @cached_property
     def node(self):
-        """The notebook as nbformat has it, without outputs, every cell under its id."""
-        import jupytext  # slow, and most commands do without
+        """The notebook as an nbformat node, without outputs, with the id of every cell."""
+        import jupytext  # slow, and not needed by most commands
 
         node = jupytext.read(self.path)
         number_cells(node)
@@ -55,34 +55,34 @@ class Notebook:
 
     @property
     def section(self):
-        """The section of the paper, from the header's ``himap: section``."""
+        """Section of the paper, from ``himap: section`` in the header."""
         return str(self._header["section"])
 
     @property
     def figures(self):
-        """The figures of the paper, from the header's ``himap: figures``."""
+        """Figures of the paper, from ``himap: figures`` in the header."""
         return list(map(str, self._header["figures"]))
 
     @cached_property
     def parameters(self):
-        """The parameters that it declares, a list of `himap.app.parameters.Parameter`."""
+        """The declared parameters, a list of `himap.app.parameters.Parameter`."""
         return declared_parameters(self.node)
 
     @property
     def reads(self):
-        """The files of the checkout that it reads, from the patterns in the header's ``himap: reads``."""
+        """Files of the checkout read by the notebook, from the patterns ``himap: reads`` in the header."""
         files = {path for pattern in self._header["reads"] for path in self.path.parents[1].glob(pattern)}
         return sorted(path for path in files if path.name not in (ACCEPTED.name, PROBES.name))
 
     @property
     def captions(self):
-        """{name of a figure: its caption, as it is written}."""
+        """{name of a figure: its caption}, without substitutions."""
         abouts = map(figure_options, self.node.cells)
         return {about["name"]: about["caption"] for about in abouts if "caption" in about}
 
     @property
     def paper_figures(self):
-        """{figure of the paper: name of the figure in the book}, from captions that say *the paper's Fig.*"""
+        """{figure of the paper: name of the figure in the book}, from captions with *the paper's Fig.*"""
         names = {}
         for name, caption in self.captions.items():
             for number in named_figures(caption):
@@ -90,14 +90,14 @@ class Notebook:
         return names
 
     def fingerprint(self, tree=None):
-        """{"code", "look", what it reaches in himap, file that it `reads`: digest}.
+        """{"code", "look", products and classes used in himap, files in `reads`: digest}.
 
-        Files have the path in the checkout, from "./": see `himap.store.fingerprint.moved`.
+        Paths of files are relative to the checkout, from "./": see `himap.store.fingerprint.moved`.
         """
         return self._fingerprint(tree, *(cell.source for cell in code_cells(self.node)))
 
     def figure_fingerprint(self, name, tree=None):
-        """The same of the code behind one figure: its cell, and what that depends on in those before it."""
+        """The same for the code behind a figure: its cell, and statements before it that it needs."""
         cells = code_cells(self.node)
         (last,) = (n for n, cell in enumerate(cells) if figure_options(cell).get("name") == name)
         return self._fingerprint(tree, behind(*(cell.source for cell in cells[: last + 1])))
@@ -111,18 +111,18 @@ class Notebook:
 
 
 def declared_parameters(node):
-    """What the cells of a notebook that are tagged ``parameters`` declare, a list of `Parameter`."""
+    """Parameters declared by the cells of a notebook tagged ``parameters``, a list of `Parameter`."""
     tagged = [cell for cell in node.cells if "parameters" in cell.metadata.get("tags", [])]
     return [parameter for cell in tagged for parameter in read_parameters(cell.source)]
 
 
 def notebooks_folder():
-    """The folder ``notebooks`` next to the package, else in the current folder, else InputError."""
+    """The folder ``notebooks`` next to the package or in the current folder; InputError if there is none."""
     for folder in (_PACKAGE.parent / "notebooks", Path.cwd() / "notebooks"):
         if any(folder.glob("*.py")):
             return folder
     raise InputError(
-        "there is no folder `notebooks` next to the package nor in the current folder; run this from a "
+        "there is no folder `notebooks` next to the package or in the current folder; run this from a "
         "checkout of himap."
     )
 
@@ -133,9 +133,9 @@ def notebooks(folder=None):
 
 
 def find(name, folder=None):
-    """The notebook called `name`: its name, its number, or the path of either of its files, in any case.
+    """The notebook called `name`: its name, number, or the path of either of its files, case-insensitive.
 
-    InputError where there is none; the message lists what there is.
+    InputError if there is none; the message lists the available ones.
     """
     stem = Path(name).name.lower().removesuffix(".py").removesuffix(".ipynb")
     known = {notebook.name: notebook for notebook in notebooks(folder)}

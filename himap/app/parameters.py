@@ -1,8 +1,8 @@
-"""Parameters of a notebook: those that its tagged cell declares, and the values that a user passes.
+"""Parameters of a notebook: those declared in its tagged cell, and values passed by the user.
 
-The cell tagged ``parameters`` holds lines ``name: type = default  # help``. A field of `Survey`
-that the cell does not list is a parameter too, where the cell has a dict ``survey`` for the fields
-that differ from the preset.
+The cell tagged ``parameters`` holds lines ``name: type = default  # help``. Fields of `Survey` that the cell
+does not list are also parameters, if the cell has a dict ``survey`` for fields that differ from the
+preset.
 """
 
 import ast
@@ -25,14 +25,14 @@ _KINDS = {
     "None": "null",
 }
 _OF_PRESET = ...
-"""The default of a field of `Survey`."""
+"""Default of fields of `Survey`."""
 
 _NO_LITERAL = (ValueError, SyntaxError, TypeError, RecursionError, MemoryError)  # {[1]: 2}, 9999 brackets
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One line of the parameters cell; `kind` is its type as text, of `_KINDS`, several joined by ``|``."""
+    """A line of the parameters cell; `kind` is its type as text, from `_KINDS`, several joined by ``|``."""
 
     name: str
     kind: str
@@ -44,7 +44,7 @@ class Parameter:
         return {kind.partition("[")[0].strip() for kind in self.kind.split("|")}
 
     def convert(self, value):
-        """`value` in the type of the parameter, else InputError; 2 does for a float, and 2.0 for an int."""
+        """Convert `value` to the type of the parameter (2 to a float, 2.0 to an int), or InputError."""
         kind = _kind_of(value)
         if kind in self.kinds:
             return list(value) if kind == "list" else value
@@ -58,9 +58,9 @@ class Parameter:
 
 
 def read_parameters(source):
-    """The parameters declared in the source of a parameters cell, a list of `Parameter`.
+    """Parameters declared in the source of a parameters cell, a list of `Parameter`.
 
-    InputError for a line of another form, or of a type that cannot be passed.
+    InputError for an invalid line, or a type that cannot be passed.
     """
     declared, lines = [], source.encode().splitlines()
     for node in ast.parse(source).body:
@@ -80,7 +80,7 @@ def read_parameters(source):
 
 
 def all_parameters(declared):
-    """{name: `Parameter`} of what is declared and, if ``survey`` is, of the other fields of `Survey`."""
+    """{name: `Parameter`} of the declared ones and, with ``survey``, the other fields of `Survey`."""
     known = {parameter.name: parameter for parameter in declared}
     for item in fields(Survey) if "survey" in known else ():
         field = Parameter(item.name, item.type.__name__, _OF_PRESET, item.metadata["help"])
@@ -89,9 +89,9 @@ def all_parameters(declared):
 
 
 def parse_texts(declared, texts):
-    """Values for {name: text} from a command line: JSON or a Python literal, else the text itself.
+    """Values from {name: text} of a command line: JSON or a Python literal, otherwise the text itself.
 
-    A parameter that can be a string takes the text as it is, unless it is a JSON string.
+    For a parameter that can be a string, the text is unchanged, unless it is a JSON string.
     """
     known, values = all_parameters(declared), {}
     for name, text in texts.items():
@@ -109,22 +109,22 @@ def parse_texts(declared, texts):
 
 
 def check_parameters(declared, given):
-    """The parameters to pass to a notebook, checked before anything runs.
+    """Check the parameters of a notebook before anything runs.
 
-    What is declared is a list of `Parameter`; what is given {name: value}, fields of `Survey` among them.
-    Returns the values in the declared types, with Survey fields gathered under ``survey``. InputError for an
-    unknown name (the message lists what there is), a value of the wrong type, or a preset or Survey field
-    that `Survey` refuses.
+    `declared` is a list of `Parameter`, `given` {name: value}, which may include fields of `Survey`. Returns
+    the values in the declared types, with fields of `Survey` under ``survey``. InputError for an unknown name
+    (the message lists the known ones), a value of the wrong type, or a preset or field refused by
+    `Survey`.
     """
     known = all_parameters(declared)
     unknown = [name for name in given if name not in known]
     if unknown:
         names = ", ".join(f"{name}{nearest(name, known)}" for name in unknown)
         many = "s" * (len(unknown) > 1)
-        raise InputError(f"unknown parameter{many} {names}; there are {', '.join(known)}.")
+        raise InputError(f"unknown parameter{many} {names}; known are {', '.join(known)}.")
     values = {name: known[name].convert(value) for name, value in given.items()}
     if isinstance(beam := values.get("beam"), str) and beam.isalpha() and not is_file(beam):
-        values["beam"] = plain_name(beam)  # "Oscillating" is the paper's too, and takes its reading
+        values["beam"] = plain_name(beam)  # "Oscillating" is also the paper's beam
     survey = {name: values.pop(name) for name in given if known[name].default is _OF_PRESET}
     if not all(isinstance(name, str) for name in values.get("survey", {})):
         raise InputError(f"survey must be a dict of fields by name, got {values['survey']!r}.")
@@ -140,7 +140,7 @@ def check_parameters(declared, given):
 
 
 def describe_parameters(declared):
-    """One line for each parameter, with type, default and help; then the fields of `Survey`."""
+    """A line for each parameter, with type, default and help; then the fields of `Survey`."""
     lines = []
     for one in all_parameters(declared).values():
         default = "(preset)" if one.default is _OF_PRESET else repr(one.default)

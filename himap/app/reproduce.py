@@ -1,10 +1,10 @@
-"""Running the notebooks: with other parameters, or again because something they depend on changed.
+"""Execution of the notebooks: with other parameters, or again after a change of something they depend on.
 
-An executed notebook carries a stamp: the fingerprint of its code, that of every product, method and beam
-that this reaches in himap, and the parameters that were passed. A notebook whose stamp is that of today's
-code, or of former code whose numbers are accepted for those of today's (`himap.store.verify`), is fresh.
-Code of the appearance has a separate fingerprint: where only that changed, a notebook is drawn again, and is
-not stale.
+An executed notebook carries a stamp: the fingerprint of its code, those of every product, method and beam
+that it uses in himap, and the parameters that were passed. A notebook is fresh if its stamp matches the
+current code, or former code whose numbers are accepted as equal (`himap.store.verify`). Code that affects
+only the appearance has a separate fingerprint: after a change only of this, a notebook can be drawn again but
+is not stale.
 """
 
 import contextlib
@@ -49,28 +49,28 @@ _LOOKS_CHANGED = "only its looks changed"
 
 
 class NotebookError(RuntimeError):
-    """A notebook that stopped at an error; the message says where."""
+    """A notebook that stopped with an error; the message states where."""
 
 
 def run(name, *, parameters=None, output=None, folder=None, again=True, overwrite=False):
     """Execute a notebook, named as in `find`, with other parameters.
 
-    Returns the path of the executed notebook, which is written whole or not at all, and whether it was
-    executed now. InputError for a bad name, parameter or output, an output that is there, and for bad input
-    that the notebook itself meets; `NotebookError` where it stops at any other error.
+    Returns the path of the executed notebook, a complete file or none, and whether it was executed now.
+    InputError for an invalid name, parameter or output, an existing output, and for invalid input detected by
+    the notebook itself; `NotebookError` if it stops with any other error.
 
     Parameters
     ----------
     parameters
         {name: value}; fields of `Survey` may be among them.
     output
-        Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder, the
-        other parameters that were passed in the name too. What is there is replaced if himap wrote it, with
-        the same parameters, and nobody edited it since.
+        Path of the executed notebook; default ``results/<name>_<preset>.ipynb`` in the current folder, with
+        the other parameters in the name. An existing file is replaced if himap wrote it with the same
+        parameters and it was not edited since.
     again
-        Whether to execute it also where the output is there, of today's code and these parameters.
+        Whether to execute it even if the output exists, from the current code and these parameters.
     overwrite
-        Whether to write over whatever is there.
+        Whether to overwrite any existing file.
     """
     notebook = find(name, folder)
     values = check_parameters(notebook.parameters, parameters or {})
@@ -79,28 +79,28 @@ def run(name, *, parameters=None, output=None, folder=None, again=True, overwrit
     path = Path("results", default_name) if output is None else Path(output)
     if os.path.realpath(path) in {os.path.realpath(other.executed) for other in notebooks(folder)}:
         raise InputError(
-            f"{path} is the book's own copy of a notebook, which only --stale writes; give another output."
+            f"{path} is the book's copy of a notebook, written only by --stale; give another output."
         )
     stamp, unedited = {}, False
     with contextlib.suppress(OSError, ValueError, AttributeError, KeyError, TypeError):
-        if path.is_file():  # no pipe, which would have to be waited for
+        if path.is_file():  # not a pipe, which could block
             node = read_notebook(path)
             stamp = node.metadata[STAMP]
             unedited = stamp["text"] == text_digest(node)
-    same = stamp.get("parameters") == json.loads(json.dumps(values))  # as a file holds them
+    same = stamp.get("parameters") == json.loads(json.dumps(values))  # as stored in a file
     current = same and stamp.get("execution", {}).get("files", {}) == _files_in(values)
     if not again and current and not moved(stamp.get("fingerprint"), notebook.fingerprint(), looks=True):
         return path, False
-    # Another run may have this name too, as characters that a file system does not take are replaced.
+    # Another run may have the same name, as characters that file systems do not allow are replaced.
     check_output(path, overwrite=overwrite or (output is None and unedited and same))
     write_notebook(_execute(notebook, values, Path.cwd(), copied=True), path)
     return path, True
 
 
 def stale(folder=None, *, looks=False):
-    """The notebooks whose executed file is not that of today's code: {name: why}.
+    """Notebooks whose executed file does not match the current code: {name: reason}.
 
-    With `looks`, those too of which only the looks are others.
+    With `looks`, also those with only a changed appearance.
     """
     tree = CodeTree()
     states = {notebook.name: _state(notebook, tree) for notebook in notebooks(folder)}
@@ -108,12 +108,12 @@ def stale(folder=None, *, looks=False):
 
 
 def refresh(names=None, folder=None, *, report=None):
-    """Make stale notebooks fresh: execute them in place, or copy the text where only text changed.
+    """Update stale notebooks: execute them in place, or copy the text if only the text changed.
 
-    All are made fresh, or those named as in `find`; those of which only the looks changed are executed too.
-    Before each, ``report(name, why)`` is called. Returns {name: why} of what was done. InputError where an
-    ``.ipynb`` holds edits that its ``.py`` lacks, which would be lost; `NotebookError` where a notebook stops
-    at an error, and is as it was before.
+    Applies to all, or those named as in `find`; those with only a changed appearance are executed too.
+    ``report(name, reason)`` is called before each. Returns {name: reason} of the updated ones. InputError if
+    an ``.ipynb`` has edits that its ``.py`` lacks, which would be lost; `NotebookError` if a notebook stops
+    with an error, and is left unchanged.
     """
     chosen = notebooks(folder) if names is None else [find(name, folder) for name in names]
     tree = CodeTree()
@@ -121,7 +121,7 @@ def refresh(names=None, folder=None, *, report=None):
     edited = [notebook.executed.name for notebook, state in todo.items() if state == _EDITED]
     if edited:
         raise InputError(
-            f"{', '.join(edited)} was edited in Jupyter and differs from its .py; take the edits over with "
+            f"{', '.join(edited)} was edited in Jupyter and differs from its .py; transfer the edits with "
             "`jupytext --to py:percent` or delete the file, then run this again."
         )
     for notebook, state in todo.items():
@@ -140,7 +140,7 @@ def refresh(names=None, folder=None, *, report=None):
 
 
 def _state(notebook, tree):
-    """Why the executed notebook is stale; empty if it is fresh."""
+    """Reason why the executed notebook is stale; empty if it is fresh."""
     try:
         node = read_notebook(notebook.executed)
     except (OSError, ValueError):
@@ -163,13 +163,13 @@ def _state(notebook, tree):
 
 
 def _execute(notebook, parameters, folder, *, copied=False):
-    """The executed notebook, cleaned and stamped, if `copied` for Jupyter. Nothing is written on the way."""
-    import nbformat  # slow, as below, and most commands do without
+    """The executed notebook, cleaned and stamped, for Jupyter if `copied`. No files are written meanwhile."""
+    import nbformat  # slow, as below, and not needed by most commands
     import papermill
 
     from himap.app.kernels import AsyncLocalKernelManager
 
-    fingerprint = notebook.fingerprint()  # of the code that runs, whatever is edited meanwhile
+    fingerprint = notebook.fingerprint()  # before the run, as code may be edited meanwhile
     files = _files_in(parameters)
     node = copy.deepcopy(notebook.node)
     node.metadata["kernelspec"] = dict(KERNEL)
@@ -209,12 +209,12 @@ def _execute(notebook, parameters, folder, *, copied=False):
 
 
 def _files_in(parameters):
-    """{name: digest} of the parameters that name a file or folder, by names, sizes and times of the files."""
+    """{name: digest} of parameters that name a file or folder, by names, sizes and times of the files."""
     digests = {}
     for name, value in parameters.items():
         states = []
         for path in _paths_in(value):
-            with contextlib.suppress(OSError):  # the notebook says it
+            with contextlib.suppress(OSError):  # reported by the notebook
                 files = sorted(path.iterdir()) if path.is_dir() else [path]
                 states += [(one.name, one.stat().st_size, one.stat().st_mtime_ns) for one in files]
         if states:
@@ -223,7 +223,7 @@ def _files_in(parameters):
 
 
 def _paths_in(value):
-    """The paths that a parameter names, a list: by itself, in lists, or as a parameter of a beam."""
+    """Paths named by a parameter, a list: alone, in lists, or as a parameter of a beam."""
     if isinstance(value, dict):
         value = [*value.values()]
     if isinstance(value, list | tuple):
@@ -231,17 +231,17 @@ def _paths_in(value):
     if not isinstance(value, str):
         return []
     texts = [value, *(part.partition("=")[2] for part in re.split("[:,;]", value) if "=" in part)]
-    # A text that is too long for a path is none; `Path.exists` of older Pythons raises an error.
+    # A text too long for a path raises an error in `Path.exists` of older Pythons.
     return [Path(path) for path in map(os.path.expanduser, texts) if path and os.path.exists(path)]
 
 
 def _kernel_variables():
-    """Environment of a kernel: this himap, the terminal that a person watches, for bars, and no chatter.
+    """Environment of a kernel: this himap, the user's terminal for progress bars, and no extra messages.
 
-    Neither modules in the current folder nor what a user lets IPython do at each start come into it.
+    Modules in the current folder and the user's IPython startup files are excluded.
     """
     logging.getLogger("papermill").setLevel(logging.ERROR)
-    # A kernel takes the first of them off where that is the current folder: so the first one is nowhere.
+    # A kernel removes the first entry if it is the current folder, so the first one does not exist.
     paths = [str(run_folder() / "nowhere"), str(Path(__file__).resolve().parents[2])]
     variables = {
         "PYTHONPATH": os.pathsep.join([*paths, *filter(None, [os.environ.get("PYTHONPATH")])]),
@@ -250,11 +250,11 @@ def _kernel_variables():
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
         "JUPYTER_PLATFORM_DIRS": "1",
     }
-    # Kernels run in the folder of the notebooks, where a relative path is another one.
+    # Kernels run in the folder of the notebooks, where relative paths differ.
     folders = ((name, os.environ.get(name)) for name in ("HIMAP_CACHE", "NUMBA_CACHE_DIR"))
     variables |= {name: os.path.abspath(os.path.expanduser(one)) for name, one in folders if one}
     home = Path.home()
-    if not (home.is_dir() and os.access(home, os.W_OK)):  # matplotlib would say so in the notebook
+    if not (home.is_dir() and os.access(home, os.W_OK)):  # matplotlib would warn in the notebook
         variables["MPLCONFIGDIR"] = os.environ.get("MPLCONFIGDIR", str(run_folder() / "matplotlib"))
     with contextlib.suppress(OSError, AttributeError):
         variables[TERMINAL_VARIABLE] = os.ttyname(sys.stderr.fileno())

@@ -1,10 +1,10 @@
-"""Results that take hours and are stored with the book: readers, what follows from them, and which are stale.
+"""Stored results that take hours to compute: readers, derived quantities, and which are stale.
 
-There are ledgers, under what else a claim of one holds, the times of the steps at two sizes and how they
-grow, and folders of figures. Records and figures carry the fingerprint of the code that made them, without
-parameters, which are stored with it; what only looks does not count, and accepted code is as good
-(`himap.store.verify`). Timings carry none: they are those of one machine and one day. A stale result is
-reported, not made again.
+These are ledgers and records that explain differences between them, the times of the steps at two sizes and
+their scaling, and folders of figures. Records and figures carry the fingerprint of the code that made them;
+parameters are stored separately. Appearance does not count, and accepted code is equivalent
+(`himap.store.verify`). Timings carry none: they are specific to a machine and a day. A stale result is
+reported, not recomputed.
 """
 
 import json
@@ -28,19 +28,19 @@ from himap.store.fingerprint import ACCEPTED, PROBES, CodeTree, moved
 from himap.store.provenance import Provenance
 
 RESULTS = Path(__file__).resolve().parents[2] / "book" / "results"
-"""The folder of stored results, in a checkout."""
+"""The folder of stored results in a checkout."""
 
 LEDGER = RESULTS / "claims_laptop.json"
-"""The record of the claims that the book shows."""
+"""The record of claims shown in the book."""
 
 SIZES = {"paper": "the paper's size", "laptop": "half size", "quick": "quarter size"}
-"""{preset: in words}."""
+"""{preset: description}."""
 
 GALAXIES = {"templates": "real Galaxy", "synthetic": "synthetic Galaxy"}
-"""{source: in words}."""
+"""{source: description}."""
 
 _TIMES = {"HI light cone": 1, "observations, three beams": 1, "BeamSubspace": 0, "all measures": 3 * 6}
-"""How often a step is done for Figs. 1 and 2, {step: times}; once for each of the three beams by default."""
+"""Number of executions of a step for Figs. 1 and 2, {step: times}; default: once per beam, three times."""
 
 CHOICES = {
     "box_cells": "HI box of {}³ cells",
@@ -50,24 +50,24 @@ CHOICES = {
     "taper": {"hann": "Hann taper along frequency"},
     "polynomial": {"logarithm": "polynomial of log T in log ν"},
 }
-"""{parameter of the claims that does not concern SDecGMCA: what a record with it has, in words}."""
+"""{parameter of the claims not about SDecGMCA: description of records with it}."""
 
 _HELD = {"HI light cone": "HI light cone", "observations, three beams": "observing"}
-_CORES = 2  # of the machine that the steps were measured on
+_CORES = 2  # of the machine of the measured steps
 
 
 def read_stored(name, folder=None):
     """The content of a JSON file of stored results, such as ``steps_paper`` or ``paper_templates/figures``.
 
-    `name` is its path in the folder, by default `RESULTS`, without the ending. InputError where there is no
-    such file, or it is no JSON.
+    `name` is its path in the folder, default `RESULTS`, without the ending. InputError if there is no such
+    file, or it is not JSON.
     """
     path = Path(folder or RESULTS, f"{name}.json")
     try:
         return json.loads(path.read_text())
     except FileNotFoundError:
         raise InputError(
-            f"there is no stored result {path}; the page on contributing says how to make it."
+            f"there is no stored result {path}; the page on contributing explains how to make it."
         ) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} is not a stored result ({error}).") from None
@@ -76,7 +76,7 @@ def read_stored(name, folder=None):
 def read_ledger(path=LEDGER):
     """The `himap.paper.claims.entries.Entry` of each claim in a record, and its provenance, (list, dict).
 
-    A record of restarts, named so, is read in its first reading. InputError where there is no such file.
+    From a record named as one of restarts, the first reading is used. InputError if there is no such file.
     """
     kind = "restarts" if Path(path).stem.startswith("restarts_") else "claims"
     record = Record.load(find_experiment(kind), path)
@@ -84,7 +84,7 @@ def read_ledger(path=LEDGER):
 
 
 def _by_reading(record):
-    """{reading: {claim: `Entry`}} of a record of claims, of readings or of restarts."""
+    """{reading: {claim: `Entry`}} of a record of claims, readings or restarts."""
     if record.experiment.name != "claims":
         return {label: one.entries for label, one in outcomes(record.rows).items()}
     reading = dict(record.made.overrides).get("reading", "default")
@@ -92,33 +92,33 @@ def _by_reading(record):
 
 
 def other_records(about, folder=RESULTS):
-    """{what differs from a ledger: {claim: `Entry`}} of the stored records, for `ledger_table.cause`.
+    """{difference from a ledger: {claim: `Entry`}} of the stored records, for `ledger_table.cause`.
 
-    The ledger is given by its provenance, as of `read_ledger`. Records of another method in the place of
-    SDecGMCA are not among them. In a record of several readings a claim that holds under that of the ledger,
-    or under all of them, is due to the size or the Galaxy, not to a reading.
+    The ledger is identified by its provenance, as from `read_ledger`. Records with another method in place of
+    SDecGMCA are excluded. In a record of several readings, a claim that holds under that of the ledger, or
+    under all of them, is due to the size or the Galaxy, not to a reading.
     """
     made, others = Provenance.of_stored(about), {}
     for path in sorted(Path(folder).glob("*.json")):
         kind = path.stem.partition("_")[0]
         if kind in ("claims", "readings", "restarts"):
-            with suppress(InputError):  # of claims as they were judged before
+            with suppress(InputError):  # outdated claims
                 for words, by_id in _judgements(Record.load(find_experiment(kind), path), made):
                     others.setdefault(words, {}).update(by_id)
     return others
 
 
 def _judgements(record, made):
-    """(what differs from `made`, {claim: `Entry`}) of each reading in a record, without what is the same."""
+    """Yield (difference from `made`, {claim: `Entry`}) of each reading in a record, without common settings."""
     usual, words, changed = record_words(made), record_words(record.made), dict(record.made.overrides)
-    if words["method"] != usual["method"]:  # another method is not why SDecGMCA does something
+    if words["method"] != usual["method"]:  # not relevant for SDecGMCA
         return
     names = "size", "galaxy", *CHOICES
     words = ", ".join(words[name] for name in names if words[name] not in ("", usual[name]))
     reading = dict(made.overrides).get("reading", "default")
     own = {one.name: changed[one.name] for one in fields(Survey) if one.name in changed}
     coarse = too_coarse(Survey.preset(record.made.preset, **own))
-    several = {  # one that has another name only is that of the ledger
+    several = {  # a reading that differs only in name is the ledger's
         reading if find_reading(label).values == find_reading(reading).values else label: {
             id: entry for id, entry in by_id.items() if id not in coarse
         }
@@ -126,7 +126,7 @@ def _judgements(record, made):
     }
     judging = [several[reading]] if reading in several else list(several.values()) if len(several) > 1 else []
     holding = [{id for id, entry in by_id.items() if entry.holds} for by_id in judging]
-    shared = set.intersection(*holding) if holding else set()  # which are not due to a reading
+    shared = set.intersection(*holding) if holding else set()  # not due to a reading
     for label, by_id in several.items():
         other = {id: entry for id, entry in by_id.items() if id not in shared}
         if label != reading:
@@ -136,7 +136,7 @@ def _judgements(record, made):
 
 
 def record_words(made):
-    """{what sets a record apart: in words, empty where it is as usual} of its `Provenance`."""
+    """{setting: description, empty if standard} of a record, from its `Provenance`."""
     changed, galaxy = dict(made.overrides), made.galaxy.partition(" ")[0]
     choices = dict.fromkeys(CHOICES, "")
     for name in CHOICES.keys() & changed:
@@ -151,9 +151,9 @@ def record_words(made):
 
 
 def stored_figures(results=None, folders=None):
-    """{folder: {name: what is stored of a figure, a dict}} of some folders of figures, by default all.
+    """{folder: {name: stored data of a figure, a dict}} of some folders of figures, default all.
 
-    `results` is as the folder of `read_stored`. InputError where there is no such folder.
+    `results` is the folder as in `read_stored`. InputError if there is no such folder.
     """
     if folders is None:
         folders = sorted(path.parent.name for path in Path(results or RESULTS).glob("*/figures.json"))
@@ -162,9 +162,9 @@ def stored_figures(results=None, folders=None):
 
 
 def stored_figure(folder, name, results=None):
-    """What is stored of one figure of a folder, a dict: where it is in the paper, provenance, and curves.
+    """Stored data of a figure of a folder, a dict: its number in the paper, provenance, and curves.
 
-    InputError where there is no such folder or figure.
+    InputError if there is no such folder or figure.
     """
     rows = stored_figures(results, [folder])[folder]
     if name not in rows:
@@ -173,23 +173,23 @@ def stored_figure(folder, name, results=None):
 
 
 def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
-    """What every step would cost at another size, for the paper's Figs. 1 and 2.
+    """Extrapolated cost of every step at another size, for the paper's Figs. 1 and 2.
 
-    The exponent with channels is that of the scaling, the one with nside follows from the rest of the growth
-    between the two sizes: small maps, of which the scaling is made, grow more slowly than large ones.
+    The exponent with channels is that of the scaling; the exponent with nside follows from the remaining
+    growth between the two sizes: small maps, used for the scaling, grow more slowly than large ones.
 
     Parameters
     ----------
     smaller, larger, scaling
-        The steps at two sizes and how they grow, as ``python -m benchmarks`` and its ``scaling`` wrote them.
+        The steps at two sizes and their scaling, as written by ``python -m benchmarks`` and its ``scaling``.
     size
-        Fields of the `Survey`: ``nside`` and ``n_channels``, and what else differs from the paper's preset.
+        Fields of the `Survey`: ``nside`` and ``n_channels``, and others that differ from the paper's preset.
 
     Returns
     -------
     list of dict
-        Of each step its name ("step"), the time of one ("minutes"), how often a realisation does it
-        ("times"), all of it ("core_hours"), and the memory that himap asks for ("gigabytes").
+        For each step its name ("step"), the time of one execution ("minutes"), the number of executions per
+        realisation ("times"), the total ("core_hours"), and the memory required by himap ("gigabytes").
     """
     memory = estimate(replace(PRESETS["paper"], **size))
     before, after = smaller["about"]["size"], larger["about"]["size"]
@@ -202,7 +202,7 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
         with_channels = scaling["found"]["n_channels"][name]["exponent"]
         growth = large["seconds"] / small["seconds"]
         growth /= (after["n_channels"] / before["n_channels"]) ** with_channels
-        # 0 of what ends at some l at both sizes, such as SDecGMCA: more pixels make nothing faster.
+        # 0 for steps that end at the same l at both sizes, such as SDecGMCA.
         with_nside = max(0.0, math.log(growth) / math.log(after["nside"] / before["nside"]))
         exponents = {"nside": with_nside, "n_channels": with_channels}
         factors = [(size[axis] / after[axis]) ** exponent for axis, exponent in exponents.items()]
@@ -221,20 +221,20 @@ def extrapolated(smaller, larger, scaling, *, n_realisations, **size):
 
 @dataclass(frozen=True, kw_only=True)
 class StoredResult:
-    """One file of results, and what it was made with.
+    """A file of results, and its provenance.
 
     Attributes
     ----------
     name
         Of the file, or of the folder of figures.
     commits
-        {(short commit, whether there were edits)} that it was made at.
+        {(short commit, whether there were edits)} of its creation.
     codes
-        {what is in it: fingerprint of the code that made it}, None where that was not kept: of a record the
-        name of its experiment, of a folder of figures their names, of timings nothing.
+        {name: fingerprint of the code}, None if not stored: for a record the name of its experiment, for a
+        folder of figures their names, for timings empty.
     checked
-        Short commit at which one sky was measured again, with the same numbers; empty if it never was. The
-        fingerprint is of that code then.
+        Short commit at which one sky was measured again, with equal numbers; empty if never. The fingerprint
+        is then of that code.
     """
 
     path: Path
@@ -254,7 +254,7 @@ def read_result(path):
         name, rows, checked = path.parent.name, content["figures"], {}
         made = {"preset": "quick", "galaxy": "synthetic"} | rows[0]["parameters"]
         codes = {row["name"]: row.get("code") for row in rows}
-        # Figures of a notebook share one execution.
+        # Figures of a notebook share an execution.
         runs = {json.dumps(row["execution"]): row["execution"] for row in rows}.values()
     else:
         name, made = path.stem, content["about"]
@@ -281,7 +281,7 @@ def stored_results(folder):
 
 
 def stale_results(folder, notebooks_folder):
-    """The stored results of a folder that today's code and notebooks may not give: {name: why}."""
+    """Stored results of a folder that the current code and notebooks may not reproduce: {name: reason}."""
     tree, states, results = CodeTree(), {}, stored_results(folder)
     today = {name: measuring_code(name, tree) for name in EXPERIMENTS}
     known = {name for result in results for name in result.codes}

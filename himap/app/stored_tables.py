@@ -1,4 +1,4 @@
-"""How stored results are laid out on the pages: tables and pictures as Markdown, and curves."""
+"""Layout of stored results on the pages: tables and pictures as Markdown, and curves."""
 
 import os
 
@@ -15,8 +15,8 @@ from himap.paper.ledger_table import BADGES, cause, measured, members_text, shar
 from himap.store.provenance import Provenance
 
 _NO_BREAK = "\N{NO-BREAK SPACE}"
-_TOP = 200  # the largest l that is shown
-_PARTS = 3  # of a claim that a cell can list
+_TOP = 200  # largest l shown
+_PARTS = 3  # maximum number listed in a cell
 _DISTURBED = {
     "run_killed": ("`himap run` killed", "kills"),
     "claims_killed": ("`himap measure claims` killed, with two processes", "kills"),
@@ -26,7 +26,7 @@ _DISTURBED = {
     "full_disk_clean": ("disk full under `himap clean`", "full_disks"),
     "dead_worker": ("a process that works for `himap measure claims` killed", "workers_killed"),
 }
-"""{name in `benchmarks.endurance`: (in words, which of its counts says how often)}"""
+"""{name in `benchmarks.endurance`: (description, the count of repetitions)}"""
 
 
 def short(value, digits=2):
@@ -39,10 +39,10 @@ def short(value, digits=2):
 
 
 def steps_table(stored):
-    """Time, memory, floor and alternative of every step that ``python -m benchmarks`` wrote, as Markdown.
+    """Time, memory, floor and alternative of every step written by ``python -m benchmarks``, as Markdown.
 
-    And the machine, and the provenance. The goals are shown at the preset ``paper``, for which they were set;
-    what misses its goal is bold.
+    Also the machine and the provenance. Goals are shown for the preset ``paper``, for which they were set;
+    missed goals are bold.
     """
     goals, rows = stored["about"]["preset"] == "paper", []
     for step in stored["steps"]:
@@ -69,7 +69,7 @@ def steps_table(stored):
 
 
 def growth_table(stored):
-    """The exponents of every step, of what ``python -m benchmarks.scaling`` wrote, as Markdown."""
+    """Exponents of every step, written by ``python -m benchmarks.scaling``, as Markdown."""
     ways = stored["found"].values()
     rows = [[step, *(f"{way[step]['exponent']:.2f}" for way in ways)] for step in next(iter(ways))]
     head = ["Step", "with nside", "with channels"]
@@ -77,9 +77,9 @@ def growth_table(stored):
 
 
 def endurance_table(stored):
-    """Outcomes of disturbed commands, of what ``python -m benchmarks.endurance`` wrote, as Markdown.
+    """Outcomes of disturbed commands, written by ``python -m benchmarks.endurance``, as Markdown.
 
-    A count that ought to be zero and is not is bold.
+    Nonzero counts of failures are bold.
     """
     rows = []
     for name, counts in stored["found"].items():
@@ -100,12 +100,12 @@ def ledgers_table(ledgers, only=None, others=None):
     Parameters
     ----------
     ledgers
-        A list of (entries, about), as `himap.app.stored.read_ledger` gives them.
+        A list of (entries, about), from `himap.app.stored.read_ledger`.
     only
-        Function from the entries of one claim, one of each ledger, to whether it is shown; default all
-        claims, and the count of verdicts of ledgers with several runs.
+        Function from the entries of a claim, one per ledger, to whether it is shown; default all claims,
+        with the count of verdicts of ledgers with several runs.
     others
-        As of `himap.paper.ledger_table.cause`, for a column with where the parts hold that fail in the first.
+        As in `himap.paper.ledger_table.cause`, for a column with where the parts that fail in the first hold.
     """
     pairs = zip(_ledger_names(ledgers), ledgers, strict=True)
     names = [f"{name}, {members_text(entries[0])}" for name, (entries, _) in pairs]
@@ -127,7 +127,7 @@ def ledgers_table(ledgers, only=None, others=None):
         rows.append(["all", "", "", *map(" · ".join, counts), *([] if others is None else [""])])
     more = [] if others is None else ["Fails for; holds in"]
     table = _markdown(["Claim", "Measured", "The paper, or limit", *names, *more], rows)
-    # The words that all have in common are in a paragraph of their own.
+    # Words common to all are in a separate paragraph.
     footers = [Provenance.of_stored(about).footer().split(" · ") for _, about in ledgers]
     shared = [word for word in footers[0] if len(footers) > 1 and all(word in words for words in footers)]
     notes = [f"*All: {' · '.join(shared)}*"] if shared else []
@@ -137,7 +137,7 @@ def ledgers_table(ledgers, only=None, others=None):
 
 
 def verdicts_table(ledgers):
-    """How many claims of some ledgers have which verdict, as Markdown; `ledgers` as in `ledgers_table`."""
+    """Number of claims with each verdict for some ledgers, as Markdown; `ledgers` as in `ledgers_table`."""
     rows = [
         [name, members_text(entries[0]), *summary(entries).values()]
         for name, (entries, _) in zip(_ledger_names(ledgers), ledgers, strict=True)
@@ -147,10 +147,10 @@ def verdicts_table(ledgers):
 
 
 def choices_table(ledger, others):
-    """Which verdicts of a ledger other choices change, as Markdown: a row for each of some other records.
+    """Verdicts of a ledger that change with other choices, as Markdown: a row for each other record.
 
-    All are `Record` of the claims; the others differ in `stored.CHOICES`, or in the run of SDecGMCA. Each is
-    compared with the ledger on the skies and restarts that both have.
+    All are a `Record` of the claims; the others differ in `stored.CHOICES`, or in the run of SDecGMCA. Each
+    is compared with the ledger on their common skies and restarts.
     """
     rows, usual = [], record_words(ledger.made)
     for other in others:
@@ -177,7 +177,7 @@ def choices_table(ledger, others):
 
 
 def _ledger_names(ledgers):
-    """Size of each ledger, its Galaxy if there are several, and what replaces SDecGMCA's default reading."""
+    """Size of each ledger, its Galaxy if there are several, and the replacement of the default reading."""
     every = [record_words(Provenance.of_stored(about)) for _, about in ledgers]
     if len({words["galaxy"] for words in every}) == 1:
         every = [words | {"galaxy": ""} for words in every]
@@ -187,7 +187,7 @@ def _ledger_names(ledgers):
 def _cell(entry):
     """Sign and number of an entry, and the main parts that do not hold, or not in enough members.
 
-    In words where sign and number would both be a dash. That it is a single run is said where it can differ.
+    In words if sign and number would both be a dash. A single run is mentioned if results can vary.
     """
     number = measured(entry)
     if entry.verdict == INAPPLICABLE and number == BADGES[INAPPLICABLE][0]:
@@ -201,9 +201,9 @@ def _cell(entry):
 
 
 def pictures(folders, results=None):
-    """The stored figures of the paper, each from all of some folders of results, as Markdown.
+    """The stored figures of the paper, each from all given folders of results, as Markdown.
 
-    Pictures are by their relative path.
+    Pictures have relative paths.
     """
     chapters = {name: (one, text) for one in notebooks() for name, text in one.captions.items()}
     stored = {}
@@ -220,7 +220,7 @@ def pictures(folders, results=None):
 
 
 def picture(folder, name, results=None):
-    """One stored figure as Markdown: its picture by the relative path, its caption, and its provenance."""
+    """A stored figure as Markdown: its picture with a relative path, its caption, and its provenance."""
     row = stored_figure(folder, name, results)
     shown, made = _picture(folder, row, results)
     captions = [one.captions[name] for one in notebooks() if name in one.captions]
@@ -229,10 +229,10 @@ def picture(folder, name, results=None):
 
 
 def _picture(folder, row, results):
-    """Two paragraphs: a stored figure that links to itself in full size, and its provenance.
+    """Two paragraphs: a stored figure linked to its full size, and its provenance.
 
-    That has parameters that are not the notebook's, but not the time: the picture says when it was drawn,
-    which is before its notebook ended.
+    The provenance includes parameters that differ from those of the notebook, but not the time: the picture
+    was drawn before the end of its notebook.
     """
     path = f"{os.path.relpath(results or RESULTS, notebooks_folder())}/{folder}/{row['name']}.png"
     chosen, execution = {"preset": "quick", "galaxy": "synthetic"} | row["parameters"], row["execution"]
@@ -244,7 +244,7 @@ def _picture(folder, row, results):
 
 
 def stored_curves(folder, figure, results=None):
-    """The curves of one stored figure, {panel: {label: (x, y)}}; arguments as of `stored_figure`."""
+    """The curves of a stored figure, {panel: {label: (x, y)}}; arguments as in `stored_figure`."""
     return {
         panel: {
             label: (np.array(group["x"]), np.array(y)) for group in groups for label, y in group["y"].items()
@@ -256,8 +256,8 @@ def stored_curves(folder, figure, results=None):
 def angular_ratios(curves, **settings):
     """A panel of `himap.figures.plotting.ratios`: C/C0 of all methods among some curves, 2 <= l <= 200.
 
-    Of an ensemble, the median and its 16 to 84 %. The curves are {label: (l, C_l)} of one panel of a figure,
-    as of `stored_curves`; `settings` of the panel are such as its title.
+    For an ensemble, the median and 16 to 84 % range. The curves are {label: (l, C_l)} of a panel of a figure,
+    from `stored_curves`; `settings` are those of the panel, such as its title.
     """
     at, true = curves["HI + noise"]
     drawn = []

@@ -1,1 +1,1 @@
-"""Made once, kept, shared among processes; this knows no physics."""
+"""Results computed once, stored, and shared between processes; independent of physics."""

@@ -1,8 +1,8 @@
-"""Results on disk as arrays and JSON: to be mapped, to be opened by anybody, and no pickle to be run.
+"""Results on disk as arrays and JSON: memory-mapped, in an open format, and without executable pickles.
 
-A folder has ``value.json``, the tree of what there is, and every array of it as a ``.npy`` file. A dataclass
-is the name of its class and its fields; when it is read back that class is looked up among the modules that
-are loaded and made of its fields; nothing is imported.
+A folder has ``value.json``, the tree of the result, and each of its arrays as a ``.npy`` file. A dataclass is
+stored as the name of its class and its fields; on reading, the class is looked up among the loaded modules
+and instantiated from its fields; nothing is imported.
 """
 
 import json
@@ -16,7 +16,7 @@ from himap.core.errors import InputError
 
 TREE = "value.json"
 _KINDS = "biufc"  # of arrays: numbers and bools
-_MAPPED = 2**20  # bytes: a mapped file stays open, and thousands of small ones would be too many
+_MAPPED = 2**20  # bytes: mapped files stay open, so thousands of small ones would be too many
 _ARRAY, _CLASS, _TUPLE, _DICT = "array", "class", "tuple", "dict"
 
 
@@ -35,7 +35,7 @@ def write_value(value, folder):
 
 
 def read_value(folder):
-    """What `write_value` wrote, with read-only arrays, large ones mapped from disk; else ValueError."""
+    """Read a result of `write_value`, with read-only arrays, large ones memory-mapped; else ValueError."""
     return _value_of(json.loads((folder / TREE).read_text()), folder)
 
 
@@ -54,15 +54,15 @@ def _tree_of(value, arrays):
     if kind is tuple:
         return {_TUPLE: [_tree_of(item, arrays) for item in value]}
     if kind is dict:
-        # Pairs, for the keys of JSON are text.
+        # Pairs, since keys of JSON are text.
         return {_DICT: [[_tree_of(part, arrays) for part in pair] for pair in value.items()]}
     if _class_of(kind.__module__, kind.__qualname__) is kind:
         own = {item.name: _tree_of(getattr(value, item.name), arrays) for item in fields(value)}
         return {_CLASS: [kind.__module__, kind.__qualname__], "fields": own}
     name = f"{kind.__name__}{f' of {value.dtype}' if isinstance(value, np.ndarray) else ''}"
     raise InputError(
-        "the result of a product is an array of numbers, or a dataclass of a module, list, tuple or dict of "
-        f"these, of text and of real numbers, got {name}."
+        "the result of a product must be an array of numbers, or a dataclass of a module, list, tuple or "
+        f"dict of these, of text and of real numbers, got {name}."
     )
 
 
@@ -73,7 +73,7 @@ def _value_of(tree, folder):
         return tree
     if _ARRAY in tree:
         if not re.fullmatch(r"\d+\.npy", tree[_ARRAY]):
-            raise ValueError(f"{tree[_ARRAY]} is no array of this folder")
+            raise ValueError(f"{tree[_ARRAY]} is not an array of this folder")
         path = folder / tree[_ARRAY]
         mode = "r" if path.stat().st_size > _MAPPED else None
         array = np.load(path, mmap_mode=mode, allow_pickle=False)
@@ -85,7 +85,7 @@ def _value_of(tree, folder):
         return dict(_value_of(pair, folder) for pair in tree[_DICT])
     kind = _class_of(*tree[_CLASS])
     if kind is None:
-        raise ValueError(f"there is no class {'.'.join(tree[_CLASS])} any more")
+        raise ValueError(f"the class {'.'.join(tree[_CLASS])} no longer exists")
     return kind(**{name: _value_of(item, folder) for name, item in tree["fields"].items()})
 
 

@@ -1,10 +1,10 @@
-"""The folder of results: each is complete or not there, and checked before it is used.
+"""The folder of results: each is complete or absent, and checked before use.
 
-A result is a folder, ``PRODUCT/KEY``, with the value as arrays and JSON (`himap.store.arrays`), and a note of
-its arguments and of the checksums of its files. All is written under another name, which is then renamed, and
-deleted under another one: a process that is killed, or a second one that writes the same, leaves nothing half
-done under the right name. While a process computes a result, others wait for it. Arrays are mapped from disk.
-A folder that others can write to is refused.
+A result is a folder, ``PRODUCT/KEY``, with the value as arrays and JSON (`himap.store.arrays`), and a note
+with its arguments and the checksums of its files. It is written under a temporary name and then renamed, and
+renamed before deletion: neither a killed process nor one that writes the same result leaves incomplete data
+under the final name. While a process computes a result, others wait for it. Arrays are memory-mapped. A
+folder that others can write to is refused.
 """
 
 import contextlib
@@ -28,31 +28,30 @@ from himap.store.arrays import TREE, read_value, write_value
 
 _NOTE, _UNFINISHED = "note.json", "unfinished"
 _UNFINISHED_NAME = rf"{_UNFINISHED}-([0-9a-f]{{32}}|.+-\d+-[0-9a-f]{{8}})"
-_checked = set()  # files that this process wrote, or whose checksum it has compared: (path, time, size)
+_checked = set()  # files written by this process, or with a verified checksum: (path, time, size)
 
 
 class Missing(LookupError):
-    """There is no such result."""
+    """The result does not exist."""
 
 
 def holds(product, key):
-    """Whether there is a result of `product` under `key`; InputError where others can write to the cache."""
+    """Whether a result of `product` exists under `key`; InputError if others can write to the cache."""
     return (_home() / product / key / _NOTE).is_file()
 
 
 def _home():
-    """The folder of results, if nobody else can write there."""
+    """The folder of results, if nobody else can write to it."""
     home = cache_folder()
     check_private(home)
     return home
 
 
 def load(product, key):
-    """The result of `product` under `key`, its arrays mapped from disk and read-only; else `Missing`.
+    """The result of `product` under `key`, its arrays memory-mapped and read-only; else `Missing`.
 
-    Every process that reads it compares the checksums of its files once. A result that was cut short or
-    altered since it was written is deleted, with a warning. InputError where it may not be read, or the
-    machine is short of something.
+    Every process verifies the checksums of the files once. A truncated or altered result is deleted, with a
+    warning. InputError if it may not be read, or the machine lacks resources.
     """
     folder = _home() / product / key
     if not (folder / _NOTE).is_file():
@@ -62,16 +61,16 @@ def load(product, key):
         for name, checksum in note["files"].items():
             identity = _identity(folder / name)
             if identity not in _checked and _checksum(folder / name) != checksum:
-                raise ValueError(f"{name} has another checksum than when it was written")
+                raise ValueError(f"{name} has a wrong checksum")
             _checked.add(identity)
         return read_value(folder)
-    except Exception as error:  # a class that has other fields now raises anything
+    except Exception as error:  # a class with changed fields may raise any error
         is_damage = isinstance(error, FileNotFoundError | IsADirectoryError | NotADirectoryError)
         if isinstance(error, OSError | MemoryError) and not is_damage:
             raise InputError(f"the cached {product} cannot be read ({error!r}).") from None
-        if folder.exists():  # else another process has deleted it
+        if folder.exists():  # else deleted by another process
             _delete(folder)
-            text = f"the cached {product} is damaged and is computed again ({error})."
+            text = f"the cached {product} is damaged and will be computed again ({error})."
             warnings.warn(text, stacklevel=3)
         raise Missing(key) from None
 
@@ -80,8 +79,8 @@ def load(product, key):
 def lock(product, key):
     """Wait until no other process computes the result of `product` under `key`, and let others wait.
 
-    The operating system releases the lock of a process that dies. Where a file system has no locks, nobody
-    waits. InputError where nothing can be written to the cache.
+    The operating system releases the lock if a process dies. On file systems without locks, nobody waits.
+    InputError if the cache is not writable.
     """
     with _writing(product) as folder:
         file = folder / f"{key}.lock"
@@ -92,7 +91,7 @@ def lock(product, key):
     try:
         yield
     finally:
-        if held.is_locked:  # who waits for a file that is gone looks for a new one
+        if held.is_locked:  # processes waiting for a deleted file open a new one
             with contextlib.suppress(OSError):
                 file.unlink()
         held.release()
@@ -100,27 +99,27 @@ def lock(product, key):
 
 @contextlib.contextmanager
 def _writing(product):
-    """The folder of a product, for its owner alone; an OSError inside becomes an `InputError`."""
+    """The folder of a product, accessible only to its owner; an OSError inside becomes an `InputError`."""
     home = _home()
     try:
         make_private(home)
         make_private(home / product)
         yield home / product
     except OSError as error:
-        message = f"the result {product} cannot be kept in {home} ({error.strerror or error})"
+        message = f"the result {product} cannot be stored in {home} ({error.strerror or error})"
         with contextlib.suppress(OSError):
             message += f", where {shutil.disk_usage(home).free / 1e9:.2g} GB are free"
         raise InputError(
-            f"{message}. Free space with `himap cache clear`, or set the variable HIMAP_CACHE to a folder "
-            "that has room and can be written."
+            f"{message}. Free space with `himap cache clear`, or set the variable HIMAP_CACHE to a writable "
+            "folder with more space."
         ) from None
 
 
 def save(product, key, value, *, arguments, seconds):
-    """Keep `value` as the result of `product` under `key`; a complete one that is there already stays.
+    """Store `value` as the result of `product` under `key`; a complete existing one is not replaced.
 
-    `arguments`, a text, says what it was made from, `seconds` what it took. InputError, and nothing is kept,
-    where it cannot be written: a full disk, a folder of somebody else, a value that is no arrays and JSON.
+    `arguments`, a text, describes the input, `seconds` is the computing time. InputError, and nothing is
+    stored, if it cannot be written: a full disk, a folder of another user, a value not of arrays and JSON.
     """
     with _writing(product) as home:
         for path in filter(is_abandoned, home.glob(f"{_UNFINISHED}-*")):
@@ -133,7 +132,7 @@ def save(product, key, value, *, arguments, seconds):
             note = {"product": product, "arguments": arguments, "seconds": seconds, "files": files}
             (part / _NOTE).write_text(json.dumps(note, indent=1))
             if not holds(product, key):
-                _delete(folder)  # the rest of one
+                _delete(folder)  # an incomplete one
             try:
                 part.rename(folder)
                 _checked.update(_identity(folder / name) for name in names)
@@ -146,10 +145,10 @@ def save(product, key, value, *, arguments, seconds):
 
 @contextlib.contextmanager
 def workplace(product, key, n_bytes):
-    """A folder for files of so many bytes that the making of the result of `product` under `key` needs.
+    """A folder for `n_bytes` of temporary files needed to compute the result of `product` under `key`.
 
-    It goes at the end, also after an error. Where the work is interrupted or killed it stays, and the next
-    call with this key has what it holds. Another process waits. InputError where there is no room.
+    It is deleted at the end, also after an error. If the work is interrupted or killed it remains, and the
+    next call with this key can use its content. Another process waits. InputError if space is insufficient.
     """
     with lock(product, f"{_UNFINISHED}-{key}"):
         with _writing(product) as home:
@@ -160,9 +159,9 @@ def workplace(product, key, n_bytes):
         try:
             if free < missing:
                 raise InputError(
-                    f"{product} needs {missing / 1e9:.3g} GB of disk while it is made, and {free / 1e9:.3g} "
+                    f"{product} needs {missing / 1e9:.3g} GB of temporary disk space, and {free / 1e9:.3g} "
                     f"GB are free in {home}. Free space with `himap cache clear`, or set HIMAP_CACHE to a "
-                    "folder that has room; a smaller box, or more memory, needs no disk."
+                    "folder with more space; a smaller box, or more memory, needs no disk space."
                 )
             yield folder
         finally:
@@ -171,12 +170,12 @@ def workplace(product, key, n_bytes):
 
 
 def remove(product, key):
-    """Delete the result of `product` under `key`; processes that have it mapped may read on."""
+    """Delete the result of `product` under `key`; processes that have it mapped can still read it."""
     _delete(_home() / product / key)
 
 
 def _delete(path):
-    """Delete one result, as much of it as is there, and whether it is gone."""
+    """Delete a result, complete or not; return whether it is gone."""
     try:
         with contextlib.suppress(FileNotFoundError):
             if path.is_dir() and not path.is_symlink():
@@ -189,7 +188,7 @@ def _delete(path):
 
 
 def _in_use(unfinished):
-    """Whether a process works in a `workplace`; one that writes a result goes on without its folder."""
+    """Whether a process works in a `workplace`; a process that writes a result does not need its folder."""
     file = unfinished.with_name(f"{unfinished.name}.lock")
     if not file.is_file():
         return False
@@ -214,7 +213,7 @@ def _checksum(file):
 
 @dataclass(frozen=True)
 class CacheEntry:
-    """One result in the cache: its product, its arguments, its size, when and in what time it was made."""
+    """A result in the cache: product, arguments, size, date and computing time."""
 
     product: str
     arguments: str
@@ -227,20 +226,20 @@ class CacheEntry:
 def cache_info():
     """The `CacheEntry` of every result in the cache, newest first; those being written are "unfinished".
 
-    HIMAP_CACHE may name a folder that holds other things too, and links, which are not listed.
+    Other content of the folder HIMAP_CACHE and links are not listed.
     """
     entries = []
     for path in _home().glob("*/*"):
         is_unfinished = re.fullmatch(_UNFINISHED_NAME, path.name)
         if path.is_symlink() or path.parent.is_symlink():
             continue
-        with contextlib.suppress(OSError):  # another process finishes or deletes it, or it is no folder
+        with contextlib.suppress(OSError):  # finished or deleted by another process, or not a folder
             files = {file.name: file.lstat() for file in path.iterdir()}
             is_result = re.fullmatch(r"[0-9a-f]{32}", path.name) and files.keys() & {TREE, _NOTE}
             if not (is_unfinished or is_result):
                 continue
             arguments, seconds = "", 0.0
-            with contextlib.suppress(FileNotFoundError, ValueError, KeyError, TypeError):  # of any text
+            with contextlib.suppress(FileNotFoundError, ValueError, KeyError, TypeError):  # any content
                 note = json.loads((path / _NOTE).read_text())
                 arguments, seconds = str(note["arguments"]), float(note["seconds"])
             times = [status.st_mtime for status in files.values()] or [path.stat().st_mtime]
@@ -249,7 +248,7 @@ def cache_info():
                     product=_UNFINISHED if is_unfinished else path.parent.name,
                     arguments=arguments,
                     n_bytes=sum(status.st_size for status in files.values()),
-                    created=datetime.fromtimestamp(min(max(times), time.time())),  # clocks go wrong
+                    created=datetime.fromtimestamp(min(max(times), time.time())),  # clocks can be wrong
                     seconds=seconds,
                     path=path,
                 )
@@ -258,16 +257,16 @@ def cache_info():
 
 
 def clear_cache(entries=None):
-    """Delete results, of which there is a `CacheEntry` each; default all. Returns the bytes that are freed.
+    """Delete the results of `CacheEntry` objects, default all. Returns the number of bytes freed.
 
-    A `workplace` in use stays. InputError where some cannot be deleted.
+    A `workplace` in use stays. InputError if some cannot be deleted.
     """
     entries = cache_info() if entries is None else entries
     entries = [entry for entry in entries if entry.product != _UNFINISHED or not _in_use(entry.path)]
     kept = [entry for entry in entries if not _delete(entry.path)]
     if kept:
         raise InputError(
-            f"{len(kept)} of {len(entries)} results could not be deleted, such as {kept[0].path}: can you "
-            "write to it and to its folder?"
+            f"{len(kept)} of {len(entries)} results could not be deleted, such as {kept[0].path}: check "
+            "that you can write to it and to its folder."
         )
     return sum(entry.n_bytes for entry in entries)

@@ -1,22 +1,22 @@
 """Fingerprints of code: which result depends on which lines.
 
-A fingerprint is a digest of the text of code (`himap.store.syntax`: what can change a number, and nothing
-else) and of all that this names: definitions of its own module, what it imports of others, and what a package
-offers under a name. A definition counts by its text and by the digests of what it names, in their order, not
-by its name or place: to rename or move it changes nothing. Definitions that name each other in a circle get
-digests that say how they do. What each module on the way, and each package that it is in, does when it is
-imported counts too, and the imports of a package that are neither used there nor offered in ``__all__``, so
-that they are there for what they do (say, to register).
+A fingerprint is a digest of the text of code (`himap.store.syntax`: only what can change a number) and of all
+names used in it: definitions of the same module, imports from others, and names offered by a package. A
+definition is represented by its text and by the digests of the names it uses, in their order, not by its own
+name or location: renaming or moving it changes nothing. Definitions that refer to each other cyclically get
+digests that depend on the whole cycle. Code that runs on import, of each module involved and of the packages
+that contain it, counts too, and so do imports of a package that are neither used there nor offered in
+``__all__``, as they are there for their side effects (such as a registration).
 
-Products, and classes with a fixed ``name`` such as methods and beams, have a digest of their own, and count
-elsewhere by that name. So the fingerprint of a notebook or a record is a dict: "code", "look", and the digest
-of every product and named class that it reaches, by its name. Where code names ``__path__`` and so looks into
-the folder of a package, it reaches all named classes there; one that is added later was not used, and `moved`
-asks only for the names that were listed.
+Products, and classes with a fixed ``name`` such as methods and beams, have separate digests, and are
+represented elsewhere by that name. The fingerprint of a notebook or a record is therefore a dict: "code",
+"look", and the digest of every product and named class that it uses, by name. Code that uses ``__path__``, to
+list the folder of a package, depends on all named classes there; one that is added later was not used, and
+`moved` compares only the stored names.
 
-What only shows numbers (`himap.store.sources.LOOKS`) counts in "look", what that names elsewhere in "code".
-Other packages count by name: a new numpy makes nothing stale. Code that gives the numbers of former code
-(`himap.store.verify`) counts as that. All is read from the source: nothing is imported.
+Code that only displays numbers (`himap.store.sources.LOOKS`) counts in "look", other code used by it in
+"code". Other packages count by name: a new numpy makes nothing stale. Code that gives the numbers of former
+code (`himap.store.verify`) counts as that. Only source is read: nothing is imported.
 """
 
 import json
@@ -31,36 +31,36 @@ from himap.store.sources import ROOT, RUN, digest_of, is_ignored, is_look, parse
 from himap.store.syntax import IMPORTS, bound_name
 
 ACCEPTED = ROOT.parent / "book" / "results" / "accepted.json"
-"""Of a checkout: {digest of a definition, or of all behind a product: one with the same numbers}."""
+"""In a checkout: {digest of a definition, or of all behind a product: one with the same numbers}."""
 
 PROBES = ACCEPTED.with_name("probes.json")
-"""The numbers that code is compared with (`himap.store.verify`)."""
+"""Reference numbers for changed code (`himap.store.verify`)."""
 
 _FOLDER, _CELLS = "__path__", "<cells>"
 
 
 def stored_dict(path):
-    """What `ACCEPTED` or `PROBES` holds; nothing where there is no checkout."""
+    """Content of `ACCEPTED` or `PROBES`; empty without a checkout."""
     try:
         return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     except ValueError as error:
         raise InputError(
-            f"{path} is no JSON ({error}), perhaps after a merge: restore it with `git checkout`, and run "
+            f"{path} is not JSON ({error}), perhaps after a merge: restore it with `git checkout`, and run "
             "`himap verify`."
         ) from None
 
 
 def accepted_version():
-    """What changes when `ACCEPTED` does."""
+    """A value that changes with `ACCEPTED`."""
     return ACCEPTED, ACCEPTED.stat().st_mtime_ns if ACCEPTED.is_file() else None
 
 
 def moved(stored, today, *, looks=False):
-    """The names under which a stored fingerprint is another today: empty if what was made of it is fresh.
+    """Names under which a stored fingerprint differs from today's: empty if results from it are fresh.
 
-    Both are {"code", "look", name of a product or class, path of a file from "./": digest}. A name that only
-    `today` has, say of a new method, moves nothing; a file does. What is no dict, as it was once kept, cannot
-    be compared. What only shows numbers counts with `looks`.
+    Both are {"code", "look", name of a product or class, path of a file from "./": digest}. A name only in
+    `today`, for example of a new method, is ignored, except for files. An outdated stored format, not a dict,
+    cannot be compared. Appearance counts only with `looks`.
     """
     if not (isinstance(stored, dict) and isinstance(today, dict)):
         return ["code"]
@@ -69,8 +69,8 @@ def moved(stored, today, *, looks=False):
 
 
 class _Unit(NamedTuple):
-    """What (module, name) is: digest of its text; what each hole leads to, [(units, attribute)]; and further
-    units that count for what they do when they are imported."""
+    """Content of (module, name): digest of its text; the targets of its holes, [(units, attribute)]; and
+    other units that count because of what they do on import."""
 
     text: str
     targets: tuple = ()
@@ -85,19 +85,19 @@ _Summary = namedtuple("_Summary", "code look parts reached")
 
 
 class CodeTree:
-    """The source of one or more packages, as the graph of what depends on what.
+    """The source of one or more packages, as a dependency graph.
 
     Parameters
     ----------
     texts
-        {path of a file: text} that counts in place of what is on disk, such as `himap.store.sources.LOADED`.
+        {path of a file: text} that replaces the file on disk, such as `himap.store.sources.LOADED`.
     accepted
-        {digest of a definition: the one that it counts as}; default: those in `ACCEPTED`.
+        {digest of a definition: the equivalent digest}; default: those in `ACCEPTED`.
     former
-        {place of a definition (see `parts_of`): former digest that it is to count as}; what follows is
-        in the attribute `accepts`, a dict as `accepted`.
+        {place of a definition (see `parts_of`): equivalent former digest}; the resulting equivalences are
+        in the attribute `accepts`, a dict like `accepted`.
     formers
-        All former digests, of which none is accepted for another; those of `former` unless given.
+        All former digests, none of which is accepted for another; default: those of `former`.
     roots
         Name of another package (or single module) -> its folder (or file).
     """
@@ -122,7 +122,7 @@ class CodeTree:
         return self.source_fingerprint(f"from {module} import {name}" if name else f"import {module}")
 
     def source_fingerprint(self, *sources):
-        """The same of pieces of code, such as the cells of a notebook, and of what they import."""
+        """The same for pieces of code, such as the cells of a notebook, including their imports."""
         root, codes = (_CELLS, sources), defaultdict(list)
         for part in self._parts(root):
             codes[self._fixed_name(part)].append(self._summary(part).code)
@@ -131,9 +131,9 @@ class CodeTree:
         return {"code": code, "look": look} | dict(sorted(named.items()))
 
     def parts_of(self, module):
-        """{fixed name: (those that its own code names, {place: digest} of the definitions behind it)}.
+        """{fixed name: (those used by its code, {place: digest} of the definitions behind it)}.
 
-        Of every product and named class of a module. The place is ``module:name``, or the fixed name.
+        For every product and named class of a module. The place is ``module:name``, or the fixed name.
         """
         parts = {}
         for part in self._parts((_CELLS, (f"import {module}",))):
@@ -146,14 +146,14 @@ class CodeTree:
         return self._fixed_name(unit) or f"{unit[0]}:{unit[1]}"
 
     def _parts(self, root):
-        """The units with a fixed name that `root` reaches, also through each other."""
+        """The units with a fixed name used by `root`, directly or through each other."""
         units = [root]
         for unit in units:
             units += [part for part in self._summary(unit).parts if part not in units]
         return units[1:]
 
     def _summary(self, root):
-        """What `root` reaches without going beyond units with a fixed name, and the digests of that."""
+        """Units used by `root` up to those with a fixed name, and their digests."""
         reached, seen, parts, numbers, looks = [root], {root}, {}, set(), set()
         for unit in reached:
             for other in self._unit(unit).edges:
@@ -175,11 +175,11 @@ class CodeTree:
         return _Summary(self._accepted.get(code, code), digest_of(sorted(looks)), tuple(parts), reached)
 
     def _is_shown(self, unit):
-        """Whether a unit counts for the looks of what only shows numbers: of other packages, all do."""
+        """Whether a unit counts for the appearance of display code: all units of other packages do."""
         return is_look(unit[0]) or unit[0] not in self._files
 
     def _digest_all(self, units):
-        """Fill the digests of units, those before that others name; circles of them together."""
+        """Compute the digests of units after those of the units they use; cycles together."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
@@ -196,21 +196,21 @@ class CodeTree:
             after[label] |= {labels[one] for one in named[unit]} - {label}
         for circle in map(circles.get, TopologicalSorter(after).static_order()):
             self._digests |= dict.fromkeys(circle, "circle")
-            for _ in circle:  # after as many rounds as there are units each knows all of the circle
+            for _ in circle:  # as many rounds as units, so that each depends on all others
                 self._digests |= {unit: self._digest(unit) for unit in circle}
             for unit in circle:
-                if self._unit(unit).text:  # else it is another name, or nothing
+                if self._unit(unit).text:  # else an alias, or nothing
                     own = self._digests[unit]
                     former = self._accepted.get(own, own)
-                    # What another definition was, such as one number among several, is not what this was:
-                    # it counts as itself, and those that name it count as what they were.
+                    # The former digest of another definition, such as one number among several, is not that
+                    # of this one: it counts as itself, and its users count as their former code.
                     if own not in self._formers:
                         former = self._former.get(self._at(unit), former)
                     self._digests[unit] = former
                     self.accepts |= {own: former} if former != self._accepted.get(own, own) else {}
 
     def _named_by(self, unit):
-        """The units by whose digests this one counts: of its kind, and without a fixed name."""
+        """The units whose digests enter that of this one: of the same kind, and without a fixed name."""
         named = [one for units, _ in self._unit(unit).targets for one in units if not self._fixed_name(one)]
         return [one for one in named if (self._is_shown(one) if is_look(unit[0]) else not is_look(one[0]))]
 
@@ -224,7 +224,7 @@ class CodeTree:
         if unit[0] != _CELLS and unit[1] is None:
             pieces.sort()
         if not text and len(pieces) == 1 and pieces[0].endswith("."):
-            return pieces[0][:-1]  # another name of that
+            return pieces[0][:-1]  # an alias
         return digest_of([text, *pieces])
 
     def _unit(self, unit):
@@ -255,7 +255,7 @@ class CodeTree:
         return self._read(module).fixed_name(name) if is_ours else None
 
     def _targets(self, code, holes, module):
-        """What holes lead to: [(units, attribute of them that is used)]."""
+        """Targets of holes: [(units, attribute of them that is used)]."""
         targets = []
         for hole in holes:
             units, rest = [] if hole.nodes else [(module, _FOLDER)], None
@@ -276,7 +276,7 @@ class CodeTree:
         return tuple(targets)
 
     def _named(self, module, name):
-        """The units behind `name` of a module, which it makes or which a package offers."""
+        """The units behind `name` of a module, defined there or offered by a package."""
         if module not in self._files:
             return [(module, name)]
         code = self._read(module)
@@ -288,7 +288,7 @@ class CodeTree:
         return units or [(module, None)]
 
     def _offered(self, package, name):
-        """The definitions of `name` in the modules of a package, and those that its sub-packages offer."""
+        """Definitions of `name` in the modules of a package, and those offered by its sub-packages."""
         units = []
         for module in sorted(one for one in self._files if one.rpartition(".")[0] == package):
             code = self._read(module)

@@ -1,4 +1,4 @@
-"""Independent products made several at a time: by processes of this machine, or by a Dask cluster."""
+"""Independent products computed in parallel: by processes of this machine, or by a Dask cluster."""
 
 import asyncio
 import logging
@@ -30,16 +30,16 @@ DASK_VARIABLE = "HIMAP_DASK"
 
 _TRANSFORM_THREADS = "DUCC0_NUM_THREADS"
 _CONNECT = 30  # s to reach the scheduler
-_CHECK = 4  # s the same before any work, when somebody waits: enough for one that is starting
-_LOOK = 1  # s between looks for the process that started this one
-_RETRIES = 2  # of work that failed on a worker, such as one without room on its disk
+_CHECK = 4  # s, the same before any work, for interactive use: enough for a scheduler that is starting
+_LOOK = 1  # s between checks for the parent process
+_RETRIES = 2  # for work that failed on a worker, such as one with a full disk
 
 
 def n_jobs():
-    """How many processes work at once: 1, or HIMAP_JOBS, InputError if that is no whole number above 0."""
+    """Number of parallel processes: 1, or HIMAP_JOBS, InputError if that is not a positive integer."""
     text = os.environ.get(JOBS_VARIABLE, "1")
     if not text.isdecimal() or int(text) < 1:
-        raise InputError(f"{JOBS_VARIABLE} must be a whole number of processes above 0, got {text!r}.")
+        raise InputError(f"{JOBS_VARIABLE} must be a positive number of processes, got {text!r}.")
     return int(text)
 
 
@@ -49,34 +49,34 @@ def dask_address():
 
 
 def check_scheduler():
-    """InputError, before any work, for an address in HIMAP_DASK where no scheduler answers."""
+    """InputError, before any work, if no scheduler answers at the address in HIMAP_DASK."""
     if dask_address():
         with _client(_CHECK):
             pass
 
 
 def make_all(work, description, *, at_once=None):
-    """Make sure that results are in the cache: in `n_jobs()` processes at once, or on the Dask cluster.
+    """Make sure that results are in the cache: in `n_jobs()` parallel processes, or on the Dask cluster.
 
-    What is there already is not made again, so work that was interrupted goes on where it stopped. Cubes
-    do not travel: each process keeps what it computes in the cache folder, and reads from there. Returns how
-    many were made now.
+    Existing results are not recomputed, so interrupted work is resumed. Cubes are not transferred: each
+    process stores results in the cache folder and reads them from there. Returns the number of results
+    computed now.
 
     Parameters
     ----------
     work
-        Pairs (`himap.store.store.Product`, tuple of its arguments), a list; begun in this order, so that what
-        others need comes first.
+        Pairs (`himap.store.store.Product`, tuple of its arguments), a list; started in this order, so
+        prerequisites of others should come first.
     description
-        A word or two in front of the bar, which shows the time left.
+        A short label of the progress bar, which shows the remaining time.
     at_once
-        How many processes of this machine the memory holds; default: any number.
+        Maximum number of processes of this machine that fit into memory; default: no limit.
 
     Raises
     ------
     InputError
-        A process that was killed; a Dask scheduler that does not answer, or no longer, workers that die again
-        and again, or that write to another cache folder.
+        A killed process; a Dask scheduler that does not answer, or no longer answers; workers that die
+        repeatedly, or that use another cache folder.
     """
     missing = [(product, call) for product, call in work if not product.is_cached(*call)]
     if not missing:
@@ -95,12 +95,12 @@ def make_all(work, description, *, at_once=None):
 
 
 def _in_processes(missing, jobs):
-    """What `_make` returns of each piece of work as it is done; `jobs` processes share the cores."""
+    """Yield the result of `_make` for each piece of work when finished; `jobs` processes share the cores."""
     kills = memory_kills()
-    # joblib tells this to every other package with threads. New processes read it when they begin.
+    # joblib passes this to all packages with threads. New processes read it at their start.
     threads = os.environ.get(_TRANSFORM_THREADS) or str(max(1, joblib.cpu_count() // jobs))
     try:
-        # The processes live on for the next call, so each piece of work brings the settings of this one.
+        # Processes persist for the next call, so each piece of work includes the current settings.
         folder = run_folder()
         work = (joblib.delayed(_make)(*one, _settings(), folder, os.getpid()) for one in missing)
         options = {"temp_folder": str(folder), "return_as": "generator_unordered"}
@@ -111,14 +111,14 @@ def _in_processes(missing, jobs):
         more = " with fewer --jobs, or on a machine with more memory" if "memory" in cause else ""
         names = " or ".join(dict.fromkeys(product.name for product, _ in missing))
         raise InputError(
-            f"one of {jobs} processes died of {cause} as it made {names}. What was done is kept: run "
-            f"the same again{more}."
+            f"one of {jobs} processes died of {cause} while computing {names}. Finished results are stored: "
+            f"run the same again{more}."
         ) from None
 
 
 @cache_calls
 def _end_with(asking):
-    """End this process when the one that started it, `asking`, is gone: nobody waits for what it makes."""
+    """End this process when its parent, `asking`, has ended."""
 
     def watch():
         while os.getppid() == asking:
@@ -130,9 +130,9 @@ def _end_with(asking):
 
 @contextmanager
 def _client(seconds):
-    """A `distributed.Client` of the scheduler at `dask_address()`, which has so many seconds to answer.
+    """A `distributed.Client` of the scheduler at `dask_address()`, which must answer within `seconds`.
 
-    It logs no errors: they become ours.
+    It logs no errors: they are reported by himap.
     """
     try:
         from distributed import Client, Security
@@ -141,20 +141,20 @@ def _client(seconds):
         raise InputError("--dask needs the package `distributed`: pip install 'himap[cluster]'.") from None
     address = dask_address()
 
-    async def greet():  # the client waits without end for one, say from a web server
+    async def greet():  # the client would wait forever, for example for a web server
         options = Security().get_connection_args("client")
         comm = await asyncio.wait_for(connect(address, timeout=seconds, **options), seconds)
         await comm.close()
 
     with patch.object(logging.getLogger("distributed.client"), "disabled", True):
         try:
-            with ThreadPoolExecutor(1) as thread:  # in a notebook this one has an event loop that runs
+            with ThreadPoolExecutor(1) as thread:  # in a notebook the current thread has a running event loop
                 thread.submit(asyncio.run, greet()).result()
             client = Client(address, timeout=seconds)
-        except Exception as error:  # what answers there may be no scheduler, and say anything
+        except Exception as error:  # anything may answer at this address
             said = str(error) or f"no answer to a greeting in {seconds:g} s"
             raise InputError(
-                f"there is no Dask scheduler at {address} ({said}); start one with `dask scheduler` and give "
+                f"no Dask scheduler at {address} ({said}); start one with `dask scheduler` and give "
                 "the address that it prints, such as tcp://host:8786."
             ) from None
         with client:
@@ -162,7 +162,7 @@ def _client(seconds):
 
 
 def _on_cluster(missing):
-    """What `_make` returns of each piece of work as it is done; what a dead worker had goes to another."""
+    """Yield the result of `_make` for each finished piece of work; that of dead workers is reassigned."""
     address, settings = dask_address(), _settings() | {"HIMAP_CACHE": str(cache.cache_folder().absolute())}
     settings.pop(DASK_VARIABLE)
     with _client(_CONNECT) as client:
@@ -172,33 +172,33 @@ def _on_cluster(missing):
         for future in as_completed(futures):
             if future.cancelled():
                 raise InputError(
-                    f"the Dask scheduler at {address} is gone. What was done is kept: start one, and run the "
-                    "same again."
+                    f"the Dask scheduler at {address} is gone. Finished results are stored: start one, and "
+                    "run the same again."
                 )
             try:
                 yield future.result()
             except KilledWorker as error:
                 name = futures[future][0].name
                 raise InputError(
-                    f"{error.allowed_failures + 1} workers of {address} died one after the other making "
-                    f"{name}; their logs say why. What was done is kept: run the same again."
+                    f"{error.allowed_failures + 1} workers of {address} died one after the other while "
+                    f"computing {name}; see their logs. Finished results are stored: run the same again."
                 ) from None
     if not all(product.is_cached(*call) for product, call in missing):
         raise InputError(
-            f"the workers of {address} do not share the cache folder {settings['HIMAP_CACHE']}, or run other "
-            "code: set HIMAP_CACHE to a folder that all machines see, and install one himap on all of them."
+            f"the workers of {address} do not share the cache folder {settings['HIMAP_CACHE']}, or run "
+            "different code: set HIMAP_CACHE to a shared folder, and install the same himap on all machines."
         )
 
 
 def _settings():
-    """The variables of himap, {name: value}."""
+    """The environment variables of himap, {name: value}."""
     return {name: value for name, value in os.environ.items() if name.startswith("HIMAP_")}
 
 
 def _make(product, call, settings, folder=None, asking=None):
-    """Compute and keep; [(name, key)] of what was made, and the warnings, for the process that asked.
+    """Compute and store; returns [(name, key)] of the results, and the warnings, for the calling process.
 
-    One that started this process gives its `run_folder` and its number, `asking`.
+    A parent process passes its `run_folder` and its process id, `asking`.
     """
     if folder is not None:
         note_worker(folder)

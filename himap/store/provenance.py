@@ -1,4 +1,4 @@
-"""Where a figure comes from: the line under it that says how to make it again."""
+"""Provenance of figures: the line below them that states how to reproduce them."""
 
 import math
 import platform
@@ -15,10 +15,10 @@ from himap import __version__
 from himap.core.survey import PRESETS
 
 PACKAGES = ("numpy", "scipy", "healpy", "ducc0", "camb", "astropy", "scikit-learn", "pysm3")
-"""Packages whose version can move a number in the last digits."""
+"""Packages whose version can change the last digits of numbers."""
 
 VOLATILE = r", commit \w+( with edits)?( · [\d.]+ (s|min|h))?"
-"""Regular expression of the part of a footer that differs from run to run, commit and time."""
+"""Regular expression of the part of a footer that differs between runs, commit and time."""
 
 _HERE = Path(__file__).resolve().parents[1]
 _STARTED = time.monotonic()
@@ -26,7 +26,7 @@ _STARTED = time.monotonic()
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """How a result was made.
+    """Provenance of a result.
 
     Attributes
     ----------
@@ -35,11 +35,11 @@ class Provenance:
     galaxy
         Which Galaxy: "synthetic", "templates (nside 64)", "pysm3", "none".
     commit, dirty
-        Short git commit of himap ("unknown" outside a checkout); whether library or notebooks have edits.
+        Short git commit of himap ("unknown" outside a checkout); whether library or notebooks are modified.
     seconds
-        Wall time it took; NaN where that is not known.
+        Run time; NaN if unknown.
     version, packages
-        Version of himap, and (name, version) of the packages in `PACKAGES` that are installed.
+        Version of himap, and (name, version) of the installed packages among `PACKAGES`.
     """
 
     preset: str
@@ -54,11 +54,11 @@ class Provenance:
 
     @classmethod
     def of(cls, survey, *, galaxy, preset, parameters=None, started=None):
-        """The provenance of a result made now from `survey`, an override of the preset of that name.
+        """The provenance of a result computed now from `survey`, an override of the preset of that name.
 
-        The Galaxy is a name, or an object with a `label`. Other parameters are {name: value} of what differs
-        from the defaults. The work began when `time.monotonic()` was `started`, by default when himap was
-        first used in this process.
+        The Galaxy is a name, or an object with a `label`. Other parameters are {name: value} that differ from
+        the defaults. `started` is the `time.monotonic()` at the start, default the first use of himap in this
+        process.
         """
         base = asdict(PRESETS[preset]) | {"seed": survey.seed}
         changed = {name: value for name, value in asdict(survey).items() if value != base[name]}
@@ -77,15 +77,15 @@ class Provenance:
 
     @classmethod
     def of_stored(cls, about):
-        """The provenance that `asdict` had written with a result, other keys ignored.
+        """The provenance stored with a result by `asdict`, ignoring other keys.
 
-        A record that grew in steps took part of its results from a cache: its time is not known, NaN.
+        The time of a record that was grown in steps, in part from a cache, is unknown, NaN.
         """
         known = {item.name: about[item.name] for item in fields(cls)}
         return cls(**known | ({"seconds": math.nan} if "grown" in about else {}))
 
     def footer(self):
-        """One line for under a figure."""
+        """A line below a figure."""
         changed = [f"{name} = {value}" for name, value in self.overrides]
         edits = " with edits" if self.dirty else ""
         himap = f"himap {self.version}, commit {self.commit}{edits}"
@@ -97,14 +97,14 @@ class Provenance:
 
 
 def environment():
-    """What results of this process are made with: {"himap", "commit", "dirty", "python", "packages"}."""
+    """Environment of results of this process: {"himap", "commit", "dirty", "python", "packages"}."""
     commit, dirty = _commit()
     python, packages = platform.python_version(), dict(_packages())
     return {"himap": __version__, "commit": commit, "dirty": dirty, "python": python, "packages": packages}
 
 
 def duration(seconds):
-    """A time as people say it: 1.2 s, 35 s, 12 min, 2.3 h."""
+    """A readable time: 1.2 s, 35 s, 12 min, 2.3 h."""
     if seconds < 100:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
@@ -121,8 +121,8 @@ def _packages():
 
 @lru_cache(maxsize=1)
 def _commit():
-    """Short commit of the checkout that holds himap, and whether code in it has edits."""
-    if _git("ls-files", "--error-unmatch", "__init__.py") is None:  # installed inside somebody's repository
+    """Short commit of the checkout that contains himap, and whether its code is modified."""
+    if _git("ls-files", "--error-unmatch", "__init__.py") is None:  # installed inside another repository
         return "unknown", False
     commit = _git("rev-parse", "--short", "HEAD")
     edits = _git("status", "--porcelain", "--", ".", ":(top,glob)notebooks/*.py")
@@ -130,7 +130,7 @@ def _commit():
 
 
 def _git(*arguments):
-    """What a git command prints in the package's folder; None where it fails."""
+    """Output of a git command in the package's folder; None if it fails."""
     try:
         process = subprocess.run(["git", *arguments], cwd=_HERE, capture_output=True, text=True, check=False)
     except OSError:

@@ -1,4 +1,4 @@
-"""Python source: the files as they are and as this process loaded them, and what a module defines."""
+"""Python source: files on disk and as loaded by this process, and the definitions of a module."""
 
 import ast
 import hashlib
@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 """The folder of himap."""
 
 RUN = "<run>"
-"""Name of the part of a module that acts whenever the module is imported, whatever is used of it."""
+"""Name of the part of a module that runs on import, regardless of the names used from it."""
 
 IGNORED = {
     "himap.core.errors",
@@ -31,25 +31,25 @@ IGNORED = {
     "himap.core.progress",
     "himap.store",
 }
-"""Rooms, with all that is in them but `LOOKS`, that store, time, share out, refuse and label the making of
-results: no number depends on them."""
+"""Packages, except for their `LOOKS`, that store, time, distribute, validate and label computations: no
+number depends on them."""
 
 LOOKS = {
     *("himap.figures", "himap.app.stored_tables"),
     *("himap.paper.captions", "himap.paper.experiment_figures", "himap.paper.readings_figures"),
     *("himap.paper.study_figures", "himap.store.provenance"),
 }
-"""Rooms and modules that only show numbers: figures, tables, captions, and the line under a figure."""
+"""Packages and modules that only display numbers: figures, tables, captions, and the line below a figure."""
 
 _BLOCKS = (ast.If, ast.For, ast.While, ast.With, ast.Try, ast.TryStar, ast.Match)
 
 
 class Code:
-    """The statements of a module, with an index by the name that they define.
+    """The statements of a module, indexed by the names that they define.
 
-    Relative imports start from `package`, whose ``__init__`` this is if it `is_package`. With `keeps_labels`
-    labels that are passed to functions, ``label="..."``, count. The `index` has {name: the top-level
-    statements that define it or change it in place}, `ignored` the names imported from `IGNORED` rooms.
+    Relative imports start from `package`, whose ``__init__`` this is if `is_package`. With `keeps_labels`,
+    labels passed to functions, ``label="..."``, count. The `index` is {name: the top-level statements that
+    define it or change it in place}, `ignored` the names imported from `IGNORED` packages.
     """
 
     def __init__(self, statements, package="", is_package=False, keeps_labels=True):
@@ -62,7 +62,7 @@ class Code:
             names = names_bound(node)
             for name in names:
                 self.index.setdefault(name, []).append(node)
-            if not names or isinstance(node, _BLOCKS):  # a loop defines its variable, and acts
+            if not names or isinstance(node, _BLOCKS):  # a loop defines its variable, and has effects
                 self._loose.append(node)
         self.part = cache(self.part)
         imports = [node for node in ast.walk(ast.Module(statements, [])) if isinstance(node, IMPORTS)]
@@ -72,7 +72,7 @@ class Code:
         }
 
     def source(self, node, alias):
-        """What an import takes: (module,), or of ``from module import name`` (module, module.name)."""
+        """Names imported: (module,), or for ``from module import name`` (module, module.name)."""
         if isinstance(node, ast.Import):
             return (alias.name,)
         here = self.package.split(".")
@@ -81,13 +81,13 @@ class Code:
         return module, f"{module}.{alias.name}"
 
     def defines(self, name):
-        """Whether `name` is made here, not only imported."""
+        """Whether `name` is defined here, not only imported."""
         return any(not isinstance(node, IMPORTS) for node in self.index.get(name, ()))
 
     def fixed_name(self, name):
-        """The name that a product, or a class with a ``name``, keeps wherever it is; else None.
+        """The fixed name of a product, or of a class with a ``name``; else None.
 
-        That of a product is its ``name=``, else that of its function.
+        For a product this is its ``name=``, else the name of its function.
         """
         (node, *others) = self.index.get(name, [None])
         if isinstance(node, ast.ClassDef) and node.bases and not others:
@@ -100,11 +100,11 @@ class Code:
         return None
 
     def part(self, name):
-        """The definition called `name`, or what runs on import (`RUN`): digest of its text, and its holes."""
+        """The definition called `name`, or the code run on import (`RUN`): digest of its text, and holes."""
         if name != RUN:
             return self._part([self.index[name]], {name}, name)
         nodes, names = self._loose, set()
-        if self.is_package:  # it imports for what that does
+        if self.is_package:  # its imports have side effects
             _, used = self.cells([node for node in self._statements if not isinstance(node, IMPORTS)])
             nodes = nodes + [node for node in self._statements if isinstance(node, IMPORTS)]
             names = {n for n in self.index if not self.defines(n)}
@@ -112,7 +112,7 @@ class Code:
         return self._part([nodes], names, RUN)
 
     def cells(self, *cells):
-        """The same of the statements of cells, of which bare strings and variables count too."""
+        """The same for the statements of cells, of which bare strings and variables also count."""
         return self._part(cells, (), None)
 
     def _part(self, cells, imported, own):
@@ -137,17 +137,17 @@ def parse(text, package, is_package, keeps_labels):
 
 @lru_cache(maxsize=256)
 def parse_cells(sources):
-    """The `Code` of the cells of a notebook, a tuple of texts, and `Code.cells` of all of it."""
+    """The `Code` of the cells of a notebook, a tuple of texts, and `Code.cells` of all."""
     cells = [cell for cell in map(_statements, sources) if cell]
     code = Code([node for cell in cells for node in cell])
     return code, code.cells(*cells)
 
 
 def behind(*cells):
-    """The statements behind the last of some cells, as text: its own, and those that make or change a name.
+    """Statements behind the last of some cells, as text: its own, and those behind its names.
 
-    Those are the names in it, and in what is behind it. A statement changes what it assigns to, also in a
-    part, and what it calls a method of where it is not the last of its cell, which is shown.
+    Names used there or in statements behind it count. A statement changes what it assigns to, including
+    parts, and objects whose methods it calls, unless it is the last of its cell, which is displayed.
     """
     *before, last = map(_statements, cells)
     rest = [node for nodes in before for node in nodes]
@@ -163,7 +163,7 @@ def behind(*cells):
 
 
 def _changed_by(node, is_hidden):
-    """The names that a statement makes or changes in place."""
+    """The names that a statement defines or changes in place."""
     changed = names_bound(node)
     for one in ast.walk(node) if is_hidden or not isinstance(node, ast.Expr) else ():
         if isinstance(one, ast.Expr) and isinstance(one.value, ast.Call):
@@ -177,7 +177,7 @@ def _changed_by(node, is_hidden):
 def _statements(source):
     try:
         return ast.parse(source).body
-    except SyntaxError:  # a magic: no Python, it counts as text
+    except SyntaxError:  # a magic is not Python: it counts as text
         return [ast.Expr(ast.Constant(source))]
 
 
@@ -189,7 +189,7 @@ def is_ignored(module):
 
 @lru_cache(maxsize=4096)
 def is_look(module):
-    """Whether a module only shows numbers."""
+    """Whether a module only displays numbers."""
     return any(f"{module}.".startswith(f"{room}.") for room in LOOKS)
 
 
@@ -199,20 +199,20 @@ def digest_of(lines):
 
 
 LOADED = {}
-"""{source file: its text as this process loaded it}."""
+"""{source file: its text as loaded by this process}."""
 
-_STATES = {}  # {source file: the time and size that it had}
+_STATES = {}  # {source file: its time and size then}
 
 
 @cache
 def note(root):
-    """Note the files of a package, or of a single module, which this process loads now."""
+    """Record the files of a package, or of a single module, loaded now by this process."""
     for file in [root] if root.suffix == ".py" else root.rglob("*.py"):
         _STATES[file], LOADED[file] = _state(file), file.read_text(encoding="utf-8")
 
 
 def edited():
-    """{file: its time and size now, None if it is gone} of the noted files that were edited."""
+    """{file: its time and size now, None if deleted} of the recorded files that were edited."""
     now = {file: _state(file) for file in _STATES}
     return {file: state for file, state in now.items() if state != _STATES[file]}
 

@@ -1,8 +1,8 @@
-"""Heavy results, computed once and kept on disk.
+"""Expensive results, computed once and stored on disk.
 
-A function under `@product` is computed once for each set of arguments and each version of the code that it
-reaches, as this process loaded it; after that its result is read from the cache folder (`himap.store.cache`),
-its arrays mapped from disk and read-only.
+A function decorated with `@product` is computed once for each set of arguments and each version of the code
+that it uses, as loaded by this process; afterwards its result is read from the cache folder
+(`himap.store.cache`), with arrays memory-mapped and read-only.
 """
 
 import functools
@@ -25,24 +25,23 @@ from himap.store.fingerprint import CodeTree, accepted_version
 
 
 def product(function=None, *, name=None, version=None):
-    """Decorator: keep what a function returns on disk.
+    """Decorator: store the result of a function on disk.
 
     The function is at the top level of a module. Its arguments are small: numbers, strings, bools, None,
-    paths, tuples, lists, dicts and dataclasses of these, or an array (which counts by its content). A
-    dataclass also counts with the code of its class, and an argument with a method `digest()` with what that
-    returns, for instance the hash of a file; fields at the value that is `off` (see `parameter` of
-    `himap.core.checks`) do not count. The result is an array, or a dataclass, list, tuple or dict of arrays,
-    text and numbers; arrays are read-only. While one process computes a result, others wait for it. A call
-    raises InputError for arguments that do not fit the signature, or that have no such text, and for a result
-    that cannot be written.
+    paths, tuples, lists, dicts and dataclasses of these, or an array (identified by its content). A dataclass
+    also depends on the code of its class, and an argument with a method `digest()` on its result, such as the
+    hash of a file; fields at the value `off` (see `parameter` of `himap.core.checks`) are ignored. The result
+    is an array, or a dataclass, list, tuple or dict of arrays, text and numbers; arrays are read-only. While
+    a process computes a result, others wait for it. A call raises InputError for arguments that do not fit
+    the signature or have another type, and for a result that cannot be written.
 
     Parameters
     ----------
     name
-        The name in caches, stamps and records, wherever the function is; default: that of the function. With
-        the former name of a renamed function nothing is made again.
+        The name in caches, stamps and records, independent of the location; default: that of the function.
+        After renaming a function, its former name avoids recomputation.
     version
-        A number to raise where the result changes for a reason that is not in the source, such as a newer
+        A number to increase if the result changes for a reason outside the source, such as a newer
         package.
 
     >>> @product
@@ -53,9 +52,9 @@ def product(function=None, *, name=None, version=None):
 
 @contextmanager
 def temporary(*products):
-    """Delete at the end what some products made meanwhile, here and in the processes of `make_all`.
+    """Delete at the end the results that some products stored meanwhile, here and in processes of `make_all`.
 
-    What was in the cache before stays.
+    Earlier content of the cache stays.
     """
     names, n_before = {product.name for product in products}, len(MADE)
     try:
@@ -67,32 +66,32 @@ def temporary(*products):
 
 
 MADE = []
-"""(name, key) of all that this process, and those that worked for it, have put into the cache, in order."""
+"""(name, key) of all results stored by this process and its workers, in order."""
 
 
 class Product:
-    """A function whose results are kept on disk, and its fixed `name`; see `product`."""
+    """A function whose results are stored on disk, and its fixed `name`; see `product`."""
 
     def __init__(self, function, name=None):
         functools.update_wrapper(self, function)
         self.name = name or function.__qualname__
         self._function = function
         self._signature = inspect.signature(function)
-        place(function)  # so that its code is noted as it is loaded
+        place(function)  # records its code as loaded
 
     def __reduce__(self):
-        return self.__qualname__  # by name, as functions are: joblib's workers import it
+        return self.__qualname__  # by name, like functions: joblib's workers import it
 
     def __repr__(self):
         return f"<product {self.name}{self._signature}>"
 
     def __call__(self, *args, **kwargs):
-        """The result, from the cache if it is there; see the function for arguments and result."""
+        """The result, from the cache if available; see the function for arguments and result."""
         bound, key, is_current = self._key(args, kwargs)
         if not is_current:
             warnings.warn(
                 f"the code behind {self.name} has changed on disk since it was loaded, so its result is "
-                "neither read from the cache nor kept; restart Python or the kernel.",
+                "neither read from the cache nor stored; restart Python or the kernel.",
                 stacklevel=2,
             )
             return self._function(*bound.args, **bound.kwargs)
@@ -100,39 +99,39 @@ class Product:
             return cache.load(self.name, key)
         with cache.lock(self.name, key):
             with suppress(cache.Missing):
-                return cache.load(self.name, key)  # another process has computed it meanwhile
+                return cache.load(self.name, key)  # computed meanwhile by another process
             started = time.monotonic()
             value = self._function(*bound.args, **bound.kwargs)
             seconds, arguments = time.monotonic() - started, describe(bound.arguments)
             cache.save(self.name, key, value, arguments=arguments, seconds=seconds)
             MADE.append((self.name, key))
-        with suppress(cache.Missing):  # another process has deleted it meanwhile
-            value = cache.load(self.name, key)  # so that what it holds in memory can go
+        with suppress(cache.Missing):  # deleted meanwhile by another process
+            value = cache.load(self.name, key)  # frees the memory of the original
         return value
 
     def compute(self, *args, **kwargs):
-        """The result, computed now and not kept."""
+        """The result, computed now and not stored."""
         return self._function(*args, **kwargs)
 
     def is_cached(self, *args, **kwargs):
-        """Whether a call with these arguments would be read from the cache."""
+        """Whether a call with these arguments would read from the cache."""
         _, key, is_current = self._key(args, kwargs)
         return is_current and cache.holds(self.name, key)
 
     def forget(self, *args, **kwargs):
-        """Delete the result from the cache, if it is there."""
+        """Delete the result from the cache, if it exists."""
         cache.remove(self.name, self._key(args, kwargs)[1])
 
     def workplace(self, *args, n_bytes):
-        """A folder for files while a result is made: `himap.store.cache.workplace`."""
+        """A folder for temporary files of a computation: `himap.store.cache.workplace`."""
         return cache.workplace(self.name, self._key(args, {})[1], n_bytes)
 
     def _key(self, args, kwargs):
-        """The arguments, the name of the result on disk, and whether its code on disk is what was loaded."""
+        """The arguments, the name of the result on disk, and whether the code on disk is that loaded."""
         try:
             bound = self._signature.bind(*args, **kwargs)
         except TypeError as error:
-            raise InputError(f"{self.name}{self._signature} was called otherwise: {error}.") from None
+            raise InputError(f"{self.name}{self._signature} got wrong arguments: {error}.") from None
         bound.apply_defaults()
         loaded, now = code_digests(frozenset({self._function, *_classes(bound.arguments)}))
         text = f"{loaded} {describe(bound.arguments)}"
@@ -140,7 +139,7 @@ class Product:
 
 
 def describe(value):
-    """Text that is the same for equal arguments and differs for others."""
+    """Text that is equal for equal arguments and differs for others."""
     extra = f"#{value.digest()}" if hasattr(value, "digest") else ""
     if isinstance(value, np.generic):
         value = value.item()
@@ -181,24 +180,24 @@ def _classes(value):
 
 
 def code_digests(objects):
-    """Two digests of the fingerprints of functions, classes and modules, a frozenset, but for their looks.
+    """Two digests of the fingerprints of functions, classes and modules, a frozenset, without appearance.
 
-    One as this process loaded them and one as they are on disk, of which only the files are read again whose
-    times or sizes have changed. InputError where one is not defined at the top level of a source file (a
-    lambda, a nested function, or something typed into a notebook).
+    One is for the code as loaded by this process, one for the code on disk; only files with changed times or
+    sizes are read again. InputError for objects not defined at the top level of a source file (a lambda, a
+    nested function, or code typed into a notebook).
     """
     states = frozenset(), frozenset(sources.edited().items())
     return tuple(_digest(objects, accepted_version(), edited) for edited in states)
 
 
 def tree_of(obj, **options):
-    """The `CodeTree` with the package of a function, class or module, as this process loaded it."""
+    """The `CodeTree` with the package of a function, class or module, as loaded by this process."""
     return CodeTree(texts=sources.LOADED, **dict([place(obj)[0]]), **options)
 
 
 @lru_cache(maxsize=1024)
 def place(obj):
-    """(name of its package, root of that), name of its module, its own name; notes the source there now."""
+    """(name of its package, root of that), name of its module, its own name; records the current source."""
     module = getattr(obj, "__module__", obj.__name__)
     name = getattr(obj, "__qualname__", None)  # of a module: None
     file = getattr(sys.modules.get(module), "__file__", None)
@@ -225,6 +224,6 @@ def _digest(objects, version, edited):
 
 @lru_cache(maxsize=8)
 def _tree(root, version, edited):
-    """The source as it was loaded, but for the files that are `edited`."""
+    """The source as loaded, except for the files that are `edited`."""
     texts = {file: text for file, text in sources.LOADED.items() if file not in dict(edited)}
     return CodeTree(texts=texts, **dict([root]))

@@ -1,11 +1,11 @@
-"""The text of a definition: what can change a number, with holes where it names something of its module.
+"""The text of a definition: only what can change a number, with holes for names of its module.
 
-It has no comments, docstrings or annotations (but in the body of a class, where dataclasses read them), no
-messages of ``raise``, ``assert`` and ``warn``, no help texts, no labels of progress bars, and no calls of
-ignored modules. It has no names that can be chosen freely: local variables are numbered in the order in which
-they come, and a name of the module, its own or imported, is a hole, filled by what that name leads to. Names
-of parameters, attributes, methods and fields, and strings, can be looked up, so they count; where a function
-looks up variables by name (``locals()`` and the like), those count too.
+It excludes comments, docstrings, annotations (except in the body of a class, where dataclasses read them),
+messages of ``raise``, ``assert`` and ``warn``, help texts, labels of progress bars, and calls of ignored
+modules. It excludes names that can be chosen freely: local variables are numbered in order of appearance, and
+a name of the module, defined or imported, is a hole, filled by its target. Names of parameters, attributes,
+methods and fields, and strings, can be looked up, so they count; if a function looks up variables by name
+(``locals()`` and similar), their names count too.
 """
 
 import ast
@@ -16,8 +16,8 @@ DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
 
 _COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
 _SKIPPED_FIELDS = {"ctx", "kind", "type_comment", "type_params", "type_ignores"}
-_LOOK_UP = {"locals", "eval", "exec", "query"}  # variables, by their names
-_SCOPES = {"vars", "dir"}  # which do so without an argument
+_LOOK_UP = {"locals", "eval", "exec", "query"}  # look up variables by name
+_SCOPES = {"vars", "dir"}  # do so without arguments
 _CLASS = "<class>"
 
 _ENTRY = {"statement", "number", "paper", "section", "figure", "notebook", "form"}
@@ -28,12 +28,12 @@ WORDS = {
     "finding": (2, _ENTRY),
     "Finding": (2, {"sentence"}),
 }
-"""{function: (how many positional arguments count, which keywords are words)}"""
+"""{function: (number of positional arguments that count, keywords that are text)}"""
 
 
 class Hole(NamedTuple):
-    """A name of the module: the statements that make it (none for ``__path__``, the folder of a package), the
-    name, and the attribute of it that is used, if any."""
+    """A name of the module: the statements that define it (none for ``__path__``, the folder of a package),
+    the name, and the attribute of it that is used, if any."""
 
     nodes: list[ast.stmt]
     name: str
@@ -41,21 +41,21 @@ class Hole(NamedTuple):
 
 
 class Writer:
-    """Writes the text of one part of a module, and keeps the `holes` in it, in order.
+    """Writes the text of one part of a module, and collects the `holes` in it, in order.
 
-    Of a module it has the `himap.store.sources.Code`, and of the part the statements, `nodes`, and the name,
+    It uses the `himap.store.sources.Code` of the module, the statements of the part, `nodes`, and its name,
     `own`, which is None for the cells of a notebook, whose variables count.
     """
 
     def __init__(self, code, own, nodes):
         self.code, self.own, self.holes = code, own, []
-        self._scopes, self._n_locals = [], 0  # {name: its text, None before it has a number, or an import}
+        self._scopes, self._n_locals = [], 0  # {name: its text, None before it is numbered, or an import}
         calls = [child for node in nodes for child in ast.walk(node) if isinstance(child, ast.Call)]
         looks_up = any(called(one) in _LOOK_UP or (called(one) in _SCOPES and not one.args) for one in calls)
         self._keeps_names = own is None or looks_up
 
     def text(self, node):
-        """The text of a node, or of a list of them without docstrings, warnings and ignored calls."""
+        """The text of a node, or of a list without docstrings, warnings and ignored calls."""
         if isinstance(node, list):
             texts = [self.text(one) for one in node if not (is_text(one) or self.is_silent(one))]
             return f"[{','.join(texts)}]"
@@ -64,14 +64,14 @@ class Writer:
         return getattr(self, f"_{type(node).__name__}", self._plain)(node)
 
     def is_silent(self, node):
-        """Whether a statement only warns, calls what is ignored, or is the `wording` of a `finding`."""
+        """Whether a statement only warns, makes ignored calls, or is the `wording` of a `finding`."""
         if assigns(node, "wording") and self._is_of_himap("finding"):
             return True
         call = node.value if isinstance(node, ast.Expr) else None
         return isinstance(call, ast.Call) and (called(call) == "warn" or self._is_ignored(call.func))
 
     def _is_of_himap(self, name):
-        """Whether a function is one of himap: another one of the same name may take numbers."""
+        """Whether a function belongs to himap: others of the same name may take numbers."""
         imports = [node for node in self.code.index.get(name, []) if isinstance(node, ast.ImportFrom)]
         modules = [self.code.package, *(node.module or "" for node in imports)]
         return any(module.partition(".")[0] == "himap" for module in modules)
@@ -91,7 +91,7 @@ class Writer:
         return f"{type(node).__name__}({','.join(texts)})"
 
     def _name(self, name, attribute=None):
-        """A variable: its number, or as it is called; a hole for what the module has under this name."""
+        """A variable: its number, or its name; a hole if it is a name of the module."""
         for scope in reversed(self._scopes):
             if name in scope and (scope is self._scopes[-1] or _CLASS not in scope):
                 if isinstance(scope[name], ast.stmt):
@@ -122,7 +122,7 @@ class Writer:
         value = self._name(node.value.id, node.attr)
         return value if self.holes[n_holes:] and self.holes[-1].attribute else f"{value}.{node.attr}"
 
-    def _JoinedStr(self, node):  # Python 3.12 leaves an empty piece in the format of some, others do not
+    def _JoinedStr(self, node):  # Python 3.12 keeps empty pieces in some formats
         values = [item for item in node.values if not (isinstance(item, ast.Constant) and item.value == "")]
         return f"JoinedStr({self.text(values)})"
 
@@ -152,7 +152,7 @@ class Writer:
         return self._plain(node, args=args, keywords=keywords)
 
     def _Import(self, node):
-        """In a function it counts where the name is used."""
+        """In a function, an import counts where the name is used."""
         if not self._scopes:
             self.holes += [Hole([node], bound_name(alias), None) for alias in node.names]
         return ""
@@ -185,7 +185,7 @@ class Writer:
         return {name: text or (repr(name) if self._keeps_names else None) for name, text in names.items()}
 
     def _inside(self, names, before, *nodes):
-        """The texts of some nodes in a scope of their own, after some that were written outside."""
+        """The texts of some nodes in a new scope, after those written outside it."""
         self._scopes.append(names)
         text = ",".join([*before, *map(self.text, nodes)])
         self._scopes.pop()
@@ -209,7 +209,7 @@ class Writer:
 
 
 def _bound_in(body):
-    """{name: None, or the import that binds it} of the names that the body of a function or class binds."""
+    """{name: None, or the import that binds it} for the names bound in the body of a function or class."""
     bound, elsewhere, todo = {}, set(), list(body)
     while todo:
         node = todo.pop()
@@ -217,7 +217,7 @@ def _bound_in(body):
             bound |= {bound_name(alias): node for alias in node.names}
         elif isinstance(node, (ast.Global, ast.Nonlocal)):
             elsewhere |= set(node.names)
-        elif isinstance(node, _COMPREHENSIONS):  # their variables are in a scope of their own
+        elif isinstance(node, _COMPREHENSIONS):  # their variables have a separate scope
             todo += [child for child in ast.walk(node) if isinstance(child, ast.NamedExpr)]
         elif not isinstance(node, ast.Lambda):
             is_stored = isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
@@ -229,7 +229,7 @@ def _bound_in(body):
 
 
 def names_bound(node):
-    """The names that a top-level statement defines, or changes in place."""
+    """The names that a top-level statement defines or changes in place."""
     if isinstance(node, DEFINITIONS):
         return {node.name}
     places = [one for one in ast.walk(node) if isinstance(one, (ast.Subscript, ast.Attribute))]
@@ -246,20 +246,20 @@ def bound_name(alias):
 
 
 def called(node):
-    """The last name of what is called, or of a bare decorator."""
+    """The last name of a called function, or of a bare decorator."""
     node = getattr(node, "func", node)
     return getattr(node, "attr", "") or getattr(node, "id", "")
 
 
 def assigns(node, name):
-    """Whether a statement gives a value to `name`."""
+    """Whether a statement assigns a value to `name`."""
     targets = getattr(node, "targets", None) or [getattr(node, "target", None)]
     value = getattr(node, "value", None)  # a loop has a target and no value
     return any(getattr(one, "id", "") == name for one in targets) and isinstance(value, ast.AST)
 
 
 def is_text(node):
-    """Whether a node is a docstring, a bare string, or the list of public names: they change nothing."""
+    """Whether a node is a docstring, a bare string, or the list of public names, which have no effect."""
     if isinstance(node, ast.Expr):
         return isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
     return assigns(node, "__all__")

@@ -1,11 +1,11 @@
-"""Whether code that changed gives the numbers of former code: small calls of it, against what is stored.
+"""Checks whether changed code gives the same numbers: small calls, compared with stored results.
 
-``probes.json`` holds, of every product and named class, a digest of its code and a summary of what its calls
-gave, and the digests of all definitions behind them. Where calls agree, definitions that have another digest
-now count as the former ones (``accepted.json``, `himap.store.fingerprint`), wherever they are used: but for
-those that something uses whose calls differ. So does all behind a product whose calls agree, which may be in
-other modules now. Where calls agree, those of what uses the product must agree too, unless it uses another
-whose calls differ: what a product returns may have methods, and these are called elsewhere.
+``probes.json`` holds, for every product and named class, a digest of its code, a summary of the results of
+its calls, and the digests of all definitions behind them. If calls agree, definitions with another digest now
+count as the former ones (``accepted.json``, `himap.store.fingerprint`) wherever they are used, except for
+those used by something whose calls differ. The same applies to all definitions behind a product whose calls
+agree, which may have moved to other modules. If calls agree, those of its users must agree too, unless these
+use another product whose calls differ: results may have methods that are called elsewhere.
 """
 
 import json
@@ -27,28 +27,28 @@ from himap.store import fingerprint
 from himap.store.store import tree_of
 
 RTOL = 1e-5
-"""Relative difference up to which two numbers are equal."""
+"""Relative difference up to which two numbers are considered equal."""
 
-_N_SAMPLES = 32  # of an array, and as many means of its squares
+_N_SAMPLES = 32  # of an array, and equally many means of its squares
 _DIGITS = 8
 
 
 def verify(module, *, renew=False, report=print):
-    """Call what changed, accept what gives the stored numbers, and store those of what has none.
+    """Call changed code, accept what gives the stored numbers, and store numbers that are missing.
 
-    Returns the names of those that give other numbers than the stored ones. InputError where there is no
-    checkout, whose stored results those numbers are among.
+    Returns the names of those with other numbers than the stored ones. InputError without a checkout, which
+    contains the stored results.
 
     Parameters
     ----------
     module
-        It has ``CALLS``, {fixed name: functions without arguments} of all products and named classes that it
-        imports; ``RTOLS``, {name: relative difference up to which its numbers are equal} where that is not
-        `RTOL`; and ``further_codes``, a function from a `CodeTree` to {name: digest} of what else has calls.
+        It has ``CALLS``, {fixed name: functions without arguments} of all imported products and named
+        classes; ``RTOLS``, {name: relative difference up to which its numbers are equal} if not `RTOL`; and
+        ``further_codes``, a function from a `CodeTree` to {name: digest} of other code with calls.
     renew
-        Store what differs, for what comes later to be compared with.
+        Store numbers that differ, as the reference for later comparisons.
     report
-        Called with a line for each product or class that changed.
+        Called with a line for each changed product or class.
     """
     if not fingerprint.ACCEPTED.parent.is_dir():
         raise InputError(
@@ -69,12 +69,12 @@ def verify(module, *, renew=False, report=print):
         report(f"{name}: {said}{', stored' if differing and renew else ''}")
     agreeing = {*names} - {*others}
     uses = {name: parts[name][0] & agreeing for name in calls if name not in names}
-    # Where numbers are renewed, what uses them has other numbers too, and the same code.
+    # If numbers are renewed, code that uses them has other numbers too, with unchanged code.
     rest = [name for name in uses if uses[name] or (renew and names)]
     by_themselves = {*others}
     for name, (given, differing) in compared(module, rest).items():
         if differing:
-            if not parts[name][0] & by_themselves:  # which would be why
+            if not parts[name][0] & by_themselves:  # which would explain the difference
                 others += sorted(uses[name].difference(others))
             if renew:
                 probes["calls"][name] = {"gives": given}
@@ -84,7 +84,7 @@ def verify(module, *, renew=False, report=print):
 
 
 def _accept(module, probes, former, others, renew):
-    """Store what changed code counts as: its `former` code, but for `others`, {name: places behind it}."""
+    """Store changed code as its `former` code, except for `others`, {name: places behind it}."""
     stored, refused = probes["places"], {place for places in others.values() for place in places}
     agreeing = {place: code for place, code in stored.items() if place not in refused}
     tree = tree_of(module, former=agreeing, formers=frozenset(stored.values()))
@@ -93,7 +93,7 @@ def _accept(module, probes, former, others, renew):
         places |= definitions
     if not renew:
         places |= {place: stored[place] for place in refused & stored.keys()}
-    # What moved to another module, or was split, has no former digest: all behind a product counts at once.
+        # Moved or split definitions have no former digest: all behind a product are accepted together.
     agreeing = former.keys() & codes.keys() - {*others}
     accepts = {codes[name]: former[name] for name in agreeing if codes[name] != former[name]}
     for name in module.CALLS.keys() - ([] if renew else others):
@@ -104,12 +104,12 @@ def _accept(module, probes, former, others, renew):
 
 
 def compared(module, names):
-    """{name: (a summary of what its calls in a module give, where that differs from what is stored)}.
+    """{name: (summary of the results of its calls in a module, differences from the stored one)}.
 
-    They have a cache of their own, so that nothing is read that former code made.
+    Uses a separate cache, so that no results of former code are read.
     """
     probes, results = fingerprint.stored_dict(fingerprint.PROBES).get("calls", {}), {}
-    quiet = warnings.catch_warnings(action="ignore")  # of small maps
+    quiet = warnings.catch_warnings(action="ignore")  # about small maps
     with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, HIMAP_CACHE=folder), quiet:
         for name in progress(names, "canonical calls"):
             given = [summary(call()) for call in module.CALLS[name]]
@@ -119,21 +119,21 @@ def compared(module, names):
 
 
 def moved_names(module):
-    """Names whose code counts neither as that of the stored numbers, and those without any."""
+    """Names with stored numbers of other code, and names without stored numbers."""
     probes = fingerprint.stored_dict(fingerprint.PROBES).get("calls", {})
     codes = codes_of(tree_of(module), module)
     return [name for name in module.CALLS if probes.get(name, {}).get("code") != codes[name]]
 
 
 def codes_of(tree, module):
-    """{name: digest} of all that a module has calls of."""
+    """{name: digest} of all code with calls in a module."""
     return tree.fingerprint(module.__name__) | module.further_codes(tree)
 
 
 def summary(value):
-    """What is stored of a value: numbers and text as they are, of an array some values and means of squares.
+    """Stored summary of a value: numbers and text unchanged; for an array, some values and means of squares.
 
-    Samples see what changes everywhere, means of squares what is large somewhere.
+    Samples detect changes everywhere, means of squares large local changes.
     """
     if isinstance(value, np.ndarray) and value.ndim:
         kind = f"{value.dtype} {list(value.shape)}"
@@ -162,7 +162,7 @@ def _round(value):
 
 
 def differences(stored, given, rtol=RTOL, place=""):
-    """Where two summaries differ, and by how much: a list of texts."""
+    """Differences between two summaries, and their size: a list of texts."""
     if isinstance(stored, dict) and isinstance(given, dict) and stored.keys() == given.keys():
         if "at" in stored and stored["kind"] == given["kind"]:
             is_single = stored["kind"].startswith(("float32", "complex"))
@@ -181,10 +181,10 @@ def differences(stored, given, rtol=RTOL, place=""):
 
 
 def _worst(stored, given, is_single):
-    """Largest difference relative to a number, or to the median of all where that is larger.
+    """Largest difference relative to a number, or to the median of all if that is larger.
 
-    Where `is_single`, to their root mean square: small coefficients and numbers in single precision are
-    rounded as large ones are.
+    If `is_single`, relative to their root mean square: small coefficients and single-precision numbers have
+    the rounding errors of large ones.
     """
     one, other = np.array(stored, dtype=float), np.array(given, dtype=float)
     if one.shape != other.shape or not np.array_equal(np.isnan(one), np.isnan(other)):
@@ -199,7 +199,7 @@ def _worst(stored, given, is_single):
 
 
 def _store(path, content):
-    """Write a dict of dicts, or of texts, with a line for each of the innermost but numbers."""
+    """Write a dict of dicts, or of texts, with a line for each innermost one that is not a number."""
     text = json.dumps(content, sort_keys=True, indent=0, separators=(",", ": "))
     with atomic_files(path) as (temporary,):
         temporary.write_text(text + "\n")

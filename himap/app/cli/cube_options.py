@@ -1,4 +1,4 @@
-"""What the commands of `himap` for cubes share: options, the files that they read and write, remarks."""
+"""Shared by the commands of `himap` for cubes: options, input and output files, remarks."""
 
 import functools
 import time
@@ -18,27 +18,27 @@ _READING = ("freqs", "unit", "order", "frame", "rotate", "maps_name", "freqs_nam
 _FILES = ("path", "truth", "beam", "freqs", "mask", "weights", "flags")
 METHOD = option("--method", cls=NamesOption, required=True, metavar="NAME")
 WEIGHTS = (
-    option("--weights", metavar="FILE", help="Hits or inverse variances, 0 where not seen."),
+    option("--weights", metavar="FILE", help="Hits or inverse variances, 0 where not observed."),
     option("--flags", metavar="FILE", help="1 where a voxel is bad."),
 )
 MOCKS = (
     option(
-        "--mocks", metavar="N|FILE", multiple=True, help="Mocks that correct spectra: how many, or a file."
+        "--mocks", metavar="N|FILE", multiple=True, help="Mocks to correct spectra: a number, or a file."
     ),
-    option("--mock-noise", type=float, metavar="MK", help="Noise of a pixel of N mocks."),
+    option("--mock-noise", type=float, metavar="MK", help="Noise per pixel of N mocks."),
     *WEIGHTS,
 )
 _FOR_FILES = {
-    ("--frame",): "Of the coordinates, G, C or E, if no file says.",
-    ("--axes",): "Those of the array as in numpy, where the header does not fit: ra,dec,freq of images; "
+    ("--frame",): "Of the coordinates, G, C or E, if not in a file.",
+    ("--axes",): "Those of the array in numpy order, if not as in the header: ra,dec,freq of images; "
     "freq,pixel or pixel,freq of maps.",
-    ("--maps", "maps_name"): "Dataset of the maps in HDF5, if several could be.",
+    ("--maps", "maps_name"): "Dataset of the maps in HDF5, if ambiguous.",
     ("--freqs-name",): "Dataset of the frequencies in HDF5.",
 }
 
 
 def _show_for_files(context, parameter, asked):
-    """Print the help of the options `_FOR_FILES`, for which the other has no lines, if asked, and end."""
+    """Print the help of the options `_FOR_FILES`, which the main help omits, if asked, and exit."""
     if asked:
         formatter = context.make_formatter()
         formatter.write_dl([(f"{name} NAME", text) for (name, *_), text in _FOR_FILES.items()])
@@ -57,13 +57,13 @@ COMMON = (
     ),
     option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),
     option("-p", "pairs", metavar="NAME=VALUE", multiple=True, help="A parameter of the method."),
-    option("--mask", metavar="FILE", help="Map of 1 where kept, .fits or .npy: the rest is not used."),
+    option("--mask", metavar="FILE", help="Map of 1 where kept, .fits or .npy; the rest is unused."),
     option("--keep-peaks", is_flag=True, help="Do not mask peaks first."),
     overwrite_option,
-    option("--freqs", metavar="FILE", help="Channel centres, MHz, if the file does not say."),
-    option("--unit", metavar="NAME", help="K, mK or uK, if the file does not say."),
-    option("--order", metavar="NAME", help="RING or NESTED, if the file does not say."),
-    option("--rotate", is_flag=True, help="Rotate masks and the like of another frame to CUBE's."),
+    option("--freqs", metavar="FILE", help="Channel centres, MHz, if not in the file."),
+    option("--unit", metavar="NAME", help="K, mK or uK, if not in the file."),
+    option("--order", metavar="NAME", help="RING or NESTED, if not in the file."),
+    option("--rotate", is_flag=True, help="Rotate masks etc. from other frames to CUBE's."),
     *(option(*names, metavar="NAME", hidden=True) for names in _FOR_FILES),
     option(
         "--help-files",
@@ -71,18 +71,18 @@ COMMON = (
         is_eager=True,
         expose_value=False,
         callback=_show_for_files,
-        help="More options, for files that say too little.",
+        help="More options, for incomplete files.",
     ),
     debug,
 )
 
 
 def cube_command(*options, short_help=None):
-    """Decorator: a command for CUBE with these options and those that all have.
+    """Decorator: a command for CUBE with these options and the common ones.
 
-    It gets them in one namespace, with `reading` those of `read_cube`, `weighed` the weights and flags,
-    `parameters` of the method, `peaks` to mask, `inputs` all files that it reads, or what may be such, when
-    it `started`, the sentences that were `said`, and the `tables` to print at the end.
+    It receives them in a namespace, with `reading` for `read_cube`, `weighed` for weights and flags,
+    `parameters` of the method, `peaks` whether to mask peaks, `inputs` all potential input files, the time
+    `started`, the remarks `said`, and the `tables` to print at the end.
     """
 
     def decorate(function):
@@ -97,13 +97,13 @@ def cube_command(*options, short_help=None):
             asked.weighed = {name: given[name] for name in names if given.get(name) is not None}
             asked.parameters = parse_texts([], named_values(given["pairs"]))
             if "name" in asked.parameters:
-                raise InputError("no method has a parameter called name; --method says which method.")
+                raise InputError("no method has a parameter called name; give the method with --method.")
             values = [value for value in asked.parameters.values() if isinstance(value, str)]
             files = [*map(given.get, _FILES), *given.get("mocks", ())]
             files += [regular_file(value) for value in values if is_file(value)]
             asked.inputs = [file for file in files if file is not None]
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", SeparationWarning)  # the report says it, and remarks do
+                warnings.simplefilter("ignore", SeparationWarning)  # included in the report and in remarks
                 function(asked)
 
         path = click.argument("path", metavar="CUBE")
@@ -113,14 +113,14 @@ def cube_command(*options, short_help=None):
 
 
 def tell(asked, *sentences):
-    """Say sentences on standard error, whatever the names in them, and keep them for what is written."""
+    """Print sentences on standard error, and store them for the output files."""
     for sentence in sentences:
         click.echo(plain_text(sentence), err=True)
         asked.said.append(sentence)
 
 
 def outputs_of(asked, endings=(), page=True):
-    """The checked paths of the output, none where there is none."""
+    """The checked paths of the output, none if there is no output."""
     from himap.cubes.writing import check_output
 
     more = {"overwrite": asked.overwrite, "inputs": asked.inputs, "endings": endings, "page": page}
@@ -130,7 +130,7 @@ def outputs_of(asked, endings=(), page=True):
 def write_and_say(asked, files, write, *, remarks=()):
     """Write all `files` or none, ``write(*temporary names)``; then print tables, remarks and their names.
 
-    In this order, so that nothing is lost where nobody reads what is printed.
+    In this order, so that results are written even if printing fails.
     """
     if files:
         with atomic_files(*files) as temporary:

@@ -1,6 +1,6 @@
-"""The commands of `himap` for cubes of one's own.
+"""The commands of `himap` for users' cubes.
 
-What does the work is imported when it is needed: `himap --help` need not wait seconds for it.
+Computing modules are imported when needed, so that `himap --help` is fast.
 """
 
 import functools
@@ -21,14 +21,14 @@ from himap.app.cli.shared import NamesOption
 from himap.core.errors import InputError
 
 _WITHOUT_SOURCES = ("gaussian_process", "gnilc", "parametric", "polynomial")
-_GROWS = 1.01  # FWHM at the highest over that at the lowest frequency, that beams of a telescope do not have
+_GROWS = 1.01  # FWHM at the highest relative to the lowest frequency: beams of telescopes do not increase
 
 
 def _cube_and_beams(asked, remover):
-    """The cube, whose remarks are printed, and its beams, None where none are named.
+    """The cube, whose remarks are printed, and its beams, None if not given.
 
-    With weights or flags, pixels are left out of which too many channels are missing for the method, and
-    for the masking of peaks.
+    With weights or flags, pixels with too few channels for the method, or for the masking of peaks, are
+    excluded.
     """
     import numpy as np
 
@@ -60,14 +60,14 @@ def _cube_and_beams(asked, remover):
     if "beams" not in remover.uses and not getattr(asked, "mocks", ()):
         said += f"; {remover.name} does not use them"
     if last > first * _GROWS and beam.by_line:
-        said += ": they grow with frequency, so see that their lines have the order of the channels of CUBE"
+        said += ": they grow with frequency, so check that their lines have the order of the channels of CUBE"
     tell(asked, f"{said}.")
     return cube, beams
 
 
 @cube_command(
     METHOD,
-    option("--truth", metavar="CUBE", help="What a perfect cleaning would leave, for the page."),
+    option("--truth", metavar="CUBE", help="Residual of a perfect cleaning, for the page."),
     option(
         *("-o", "--output"), metavar="FILE", required=True, help="Cleaned: .h5, .fits(.gz), .npy; and .html."
     ),
@@ -96,14 +96,14 @@ def clean(asked):
 
 @cube_command(
     METHOD,
-    option("--truth", metavar="CUBE", help="What a perfect cleaning would leave."),
+    option("--truth", metavar="CUBE", help="Residual of a perfect cleaning."),
     option("-o", "--output", metavar="FILE", required=True, help="Page, .html; spectra next to it, .csv."),
     *MOCKS,
     short_help="Measure the signal loss and foreground residual of CUBE, and correct its spectra.",
 )
 def transfer(asked):
-    """Correct the spectra of CUBE for signal loss and foreground residual, by mocks of HI; ten unless --mocks
-    says otherwise.
+    """Correct the spectra of CUBE for signal loss and foreground residual, with mocks of HI; ten unless
+    --mocks is given.
 
     \b
     himap transfer cube.h5 --method pca --beam meerkat -p n_sources=5 --mock-noise 0.04 -o transfer.html
@@ -137,8 +137,8 @@ def _cleaned(asked):
     if hasattr(remover, "n_sources") and "n_sources" not in asked.parameters:
         tell(
             asked,
-            f"{remover.name} removes {remover.n_sources} sources unless -p n_sources= says otherwise; "
-            "`himap suggest` can suggest a number.",
+            f"{remover.name} removes {remover.n_sources} sources by default (-p n_sources=); "
+            "`himap suggest` recommends a number.",
         )
     cube = _with_frames(asked, cube)
     true = None if asked.truth is None else read_truth(asked.truth, cube=cube, **asked.reading)
@@ -156,8 +156,8 @@ def _cleaned(asked):
         if not measured.drawn:
             tell(
                 asked,
-                f"The mocks have the foreground that {remover.name} estimated, and foreground residual is "
-                "not known: it is for a full sphere without gaps, with --beam and more than six channels.",
+                f"The mocks have the foreground estimated by {remover.name}, and foreground residual is "
+                "unknown: its estimate needs a full sky without gaps, --beam and more than six channels.",
             )
         in_parts, common = by_brightness(cleaned, measured, corrected), in_neighbours(measured)
         checks = [brightness_table(in_parts), neighbours_table(common)]
@@ -169,7 +169,7 @@ def _cleaned(asked):
     if scattered is not None:
         more = [*scatter.scatter_parts(scattered), *more]
         asked.tables.append(scatter.scatter_table(scattered))
-    if asked.patches and cube.layout.pixels.whole_sky:  # the page of an image has it anyway
+    if asked.patches and cube.layout.pixels.whole_sky:  # always on the page of an image
         more = [*more, cylindrical_part(cleaned, true)]
     shown = spectra if comparison is None else comparison
 
@@ -182,7 +182,7 @@ def _cleaned(asked):
 
 
 def _with_frames(asked, cube):
-    """The cube with the frames that its truth or mocks state, where it states none; others are refused."""
+    """The cube, with missing frames adopted from its truth or mocks; contradictions are refused."""
     from himap.cubes.files import read_truth
 
     given = [asked.truth] * (asked.truth is not None)
@@ -195,30 +195,30 @@ def _with_frames(asked, cube):
 
 
 def _is_number(word):
-    """Whether what is given as mocks is how many, and no file."""
+    """Whether the value of --mocks is a number, not a file."""
     return word.lstrip("-").isdecimal()
 
 
 def _mocks(cube, beams, asked):
-    """The maps of mocks, one after the other, as the option says: a number, or files; None if it is empty."""
+    """Yield the maps of mocks as given by the option, a number or files; None if it is empty."""
     from himap.cubes.mocks import draw_mocks, read_mocks
 
     words, noise = asked.mocks, asked.mock_noise
     numbers = [*filter(_is_number, words)]
     if (not words and noise is not None) or (numbers and len(words) > 1):
-        raise InputError("--mocks is one number, or a file for each mock; --mock-noise belongs to a number.")
+        raise InputError("--mocks is one number, or a file per mock; --mock-noise applies to a number.")
     if not words:
         return None
-    _ = cube.nside  # refuses an image in the plane
+    _ = cube.nside  # refuses images in the plane
     if numbers:
         if noise is None:
             tell(
-                asked, "The mocks have no noise; noise in the cube counts as foreground without --mock-noise."
+                asked, "The mocks have no noise: without --mock-noise, noise of CUBE counts as foreground."
             )
         said = functools.partial(tell, asked)
         return draw_mocks(cube, beams, int(numbers[0]), noise=noise, tell=said)
     if noise is not None:
-        raise InputError("--mock-noise is that of mocks that are made; those from files have their own.")
+        raise InputError("--mock-noise applies to generated mocks; those from files include noise.")
     return read_mocks(cube, words, tell=functools.partial(tell, asked), **asked.reading)
 
 
@@ -231,7 +231,7 @@ def _mocks(cube, beams, asked):
         show_default=True,
         metavar="NAME",
     ),
-    option("--from", "least", type=int, default=1, show_default=True, help="Least number of sources."),
+    option("--from", "least", type=int, default=1, show_default=True, help="Smallest number of sources."),
     option("--to", "most", type=int, help="Largest number of sources; default 10 at most."),
     option("-o", "--output", metavar="FILE", help="Page with the figures, .html."),
     *WEIGHTS,
@@ -252,7 +252,7 @@ def suggest(asked):
             "the numbers of sources to try are given with --from and --to, not with -p n_sources."
         )
     suggestion.check_method(asked.method)
-    # Lines of sight must have channels enough for the largest number.
+    # Lines of sight need enough channels for the largest number.
     least, most = asked.least, asked.most
     largest = suggestion.MOST_SOURCES if most is None or most < 1 else most
     cube, beams = _cube_and_beams(asked, create(asked.method, n_sources=largest, **asked.parameters))
@@ -272,10 +272,10 @@ def suggest(asked):
     ),
     option("--period", type=float, help="Of that, MHz; 20 unless given."),
     option("-o", "--output", metavar="FILE", help="Page with the figure, .html."),
-    short_help="Measure how far the residual of CUBE depends on its beam.",
+    short_help="Measure the sensitivity of the residual of CUBE to its beam.",
 )
 def sensitivity(asked):
-    """Clean CUBE with beams that differ a little from --beam, and say how the power of the residual changes.
+    """Clean CUBE with beams that differ slightly from --beam, and measure the change of the residual power.
 
     \b
     himap sensitivity cube.h5 --method beam_subspace --beam oscillating -p n_sources=3 -o beam.html
@@ -287,12 +287,12 @@ def sensitivity(asked):
     files = outputs_of(asked)
     remover = create(asked.method, **asked.parameters)
     if "beams" not in remover.uses:
-        raise InputError(f"{remover.name} does not use the beam: no error of it changes the residual.")
+        raise InputError(f"{remover.name} does not use the beam: beam errors do not affect the residual.")
     errors = {"widths": asked.widths, "ripples": asked.ripples} if asked.widths or asked.ripples else {}
     if asked.period is None:
         asked.period = 20.0
     elif asked.widths and not asked.ripples:
-        raise InputError("--period is of an error that oscillates: give --ripple too, or leave it out.")
+        raise InputError("--period applies to oscillating errors: give --ripple too, or omit it.")
     cube, beams = _cube_and_beams(asked, remover)
     measured.perturbed_beams(asked.beam, cube.freqs, **errors, period=asked.period)  # before the work
     cleaned = clean_cube(cube, remover, beams=beams, peaks=asked.peaks, restarts=1)

@@ -1,6 +1,6 @@
-"""The `himap` command. Bad input ends in one paragraph and exit code 2, without a traceback.
+"""The `himap` command. Invalid input ends with a one-paragraph message and exit code 2, without a traceback.
 
-What does the work of a command is imported when it is needed: `himap --help` need not wait seconds for it.
+Computing modules are imported when needed, so that `himap --help` is fast.
 """
 
 import math
@@ -45,7 +45,7 @@ _size_text = partial(tqdm.format_sizeof, suffix="B")
 @click.version_option(__version__, message="himap %(version)s")
 @debug
 def main():
-    """Foreground removal in HI intensity mapping: notebooks, and cubes of your own.
+    """Foreground removal in HI intensity mapping: notebooks, and users' cubes.
 
     \b
     himap run 04_pca --preset laptop -p n_sources=4 -o pca.ipynb
@@ -97,16 +97,16 @@ def methods(name):
 @click.option(
     "-o", "--output", metavar="FILE", help="Where to write; default results/NAME_PRESET_PARAMETERS.ipynb."
 )
-@click.option("--stale", is_flag=True, help="Execute in place what is out of date (all, or the named).")
-@click.option("--all", "every", is_flag=True, help="All notebooks, but for those that are done already.")
+@click.option("--stale", is_flag=True, help="Execute outdated notebooks in place (all, or the named).")
+@click.option("--all", "every", is_flag=True, help="All notebooks, except those already executed.")
 @overwrite_option
 @workers
 @debug
 def run(names, preset, pairs, output, stale, every, overwrite):
-    """Execute notebooks, with other parameters if you like.
+    """Execute notebooks, optionally with other parameters.
 
     `himap list NAME` shows the parameters. The fields of a preset (nside, n_channels, seed, ...)
-    are parameters too. What was interrupted goes on where it stopped when it is run again.
+    are parameters too. Interrupted runs are resumed when run again.
 
     \b
     himap run 10_results --preset ci -p seed=7 -p reading=code
@@ -115,26 +115,26 @@ def run(names, preset, pairs, output, stale, every, overwrite):
     """
     if stale:
         if preset or pairs or output is not None or every or overwrite:
-            raise InputError("--stale runs notebooks as they are committed; leave out all but their names.")
+            raise InputError("--stale runs notebooks as they are committed; omit all other options.")
         if not reproduce.refresh(names or None, report=lambda name, why: click.echo(f"{name}: {why}")):
             click.echo("every notebook is fresh")
         return
     if every and names:
-        raise InputError(f"--all runs every notebook; leave it out to run only {', '.join(names)}.")
+        raise InputError(f"--all runs every notebook; omit it to run only {', '.join(names)}.")
     if not (names or every):
-        raise InputError("name the notebooks to run, or give --all; `himap list` shows what there is.")
+        raise InputError("name the notebooks to run, or give --all; `himap list` shows them.")
     names = [notebook.name for notebook in notebooks()] if every else names
     if output is not None and len(names) > 1:
-        raise InputError(f"-o names the output of one notebook, but there are {len(names)}; leave it out.")
+        raise InputError(f"-o names the output of one notebook, but there are {len(names)}; omit it.")
     texts, declared = named_values(pairs, preset), {name: find(name).parameters for name in names}
     known = {name: all_parameters(parameters) for name, parameters in declared.items()}
     if every and (unused := set(texts).difference(*known.values())):
         raise InputError(f"no notebook has the parameter {min(unused)}; `himap list NAME` shows them.")
     calls = {}
-    for name, parameters in declared.items():  # with --all each gets those that it has
+    for name, parameters in declared.items():  # with --all each gets its parameters
         accepted = {key: text for key, text in texts.items() if not every or key in known[name]}
         calls[name] = parse_texts(parameters, accepted)
-        check_parameters(parameters, calls[name])  # before any runs
+        check_parameters(parameters, calls[name])  # before any run
     stopped = []
     for name, values in calls.items():
         started, options = time.monotonic(), {"output": output, "again": not every, "overwrite": overwrite}
@@ -143,7 +143,7 @@ def run(names, preset, pairs, output, stale, every, overwrite):
         except (InputError, reproduce.NotebookError) as error:
             if not every:
                 raise
-            stopped.append(name)  # parameters that one refuses may suit the others
+            stopped.append(name)  # others may accept the parameters
             click.echo(f"{name}: {error}", err=True)
             continue
         click.echo(f"{path}  ({f'{time.monotonic() - started:.0f} s' if done else 'done before'})")
@@ -155,7 +155,7 @@ def run(names, preset, pairs, output, stale, every, overwrite):
 
 @main.command()
 @click.argument("folder", metavar="FOLDER", type=click.Path(file_okay=False))
-@click.option("--nside", type=int, default=64, show_default=True, help="Resolution, up to PySM's own, 512.")
+@click.option("--nside", type=int, default=64, show_default=True, help="Resolution, up to that of PySM, 512.")
 @debug
 def templates(folder, nside):
     """Write the real Galaxy, PySM's models s1 and f1, as FITS templates in FOLDER.
@@ -179,16 +179,16 @@ def templates(folder, nside):
 
 
 @main.command()
-@click.option("--renew", is_flag=True, help="Store the numbers of today's code where they differ.")
+@click.option("--renew", is_flag=True, help="Store the numbers of the current code if they differ.")
 @debug
 def verify(renew):
     """Accept changed code that gives the numbers of former code.
 
-    Small calls are made of every product, method and beam whose code changed, and compared with the numbers
-    in book/results/probes.json. Where they agree, stamps of notebooks, stored results and the cache stay
-    valid: book/results/accepted.json says so, and is committed. Where they differ, what former code made is
-    stale; with --renew later code is compared with today's. What chapters do in cells of their own is not
-    called: `himap run --stale` executes those, and changes no more than the stamp if nothing else moved.
+    Small calls of every product, method and beam with changed code are compared with the numbers in
+    book/results/probes.json. If they agree, stamps of notebooks, stored results and the cache stay valid,
+    as recorded in book/results/accepted.json, which is committed. If they differ, results of former code are
+    stale; with --renew the current numbers become the reference. Code in cells of chapters is not
+    called: `himap run --stale` executes those, and changes only the stamp if nothing else differs.
 
     \b
     himap verify && himap run --stale
@@ -200,14 +200,14 @@ def verify(renew):
     if others and not renew:
         raise click.ClickException(
             f"other numbers than those stored: {', '.join(others)}. If this is intended, `himap verify "
-            "--renew` stores those of today, and what former code made of these is stale; else undo the "
-            "change. The others were accepted."
+            "--renew` stores the current numbers, and results of former code become stale; otherwise undo "
+            "the change. The others were accepted."
         )
 
 
 @main.group("cache")
 def cache_commands():
-    """Look at, or empty, the folder of computed products.
+    """Show, or empty, the folder of computed products.
 
     \b
     himap cache info
@@ -218,7 +218,7 @@ def cache_commands():
 @cache_commands.command()
 @click.option("--all", "every", is_flag=True, help="Every entry with its arguments.")
 def info(every):
-    """Show where the cache is and what it holds."""
+    """Show the location and content of the cache."""
     entries = cache.cache_info()
     click.echo(f"{cache.cache_folder()}: {_size_text(sum(entry.n_bytes for entry in entries))}")
     if every:
@@ -240,9 +240,9 @@ def info(every):
 @click.option(
     "--preset",
     type=click.Choice([*PRESETS, _OTHER], case_sensitive=False),
-    help="Only what was made at this preset.",
+    help="Only results of this preset.",
 )
-@click.option("--older-than", "days", type=click.FloatRange(min=0), help="Only what is older, in days.")
+@click.option("--older-than", "days", type=click.FloatRange(min=0), help="Only older results, in days.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def clear(products, preset, days, yes):
     """Delete the results of PRODUCTS, or all.
@@ -251,13 +251,13 @@ def clear(products, preset, days, yes):
     himap cache clear --preset laptop --older-than 7
     """
     if days is not None and not math.isfinite(days):
-        raise InputError(f"an age is a number of days, got --older-than {days}.")
+        raise InputError(f"an age must be a number of days, got --older-than {days}.")
 
     entries, now = cache.cache_info(), datetime.now()
     known = {entry.product for entry in entries}
     if unknown := set(products) - known:
         names = ", ".join(sorted(known)) or "nothing"
-        raise InputError(f"the cache holds no {', '.join(sorted(unknown))}; it holds {names}.")
+        raise InputError(f"the cache contains no {', '.join(sorted(unknown))}, but {names}.")
     if not (products or yes or preset or days is not None):
         click.confirm(f"Delete everything in {cache.cache_folder()}?", abort=True)
     entries = [entry for entry in entries if entry.product in (products or known)]
@@ -267,7 +267,7 @@ def clear(products, preset, days, yes):
 
 
 def _preset_of(entry):
-    """The preset whose size the survey of a cached result has; "other" where there is none."""
+    """The preset whose size matches the survey of a cached result; "other" if none."""
     size = ("nside", "n_channels", "box_cells")
     texts = {name: [f"{item}={getattr(one, item)}," for item in size] for name, one in PRESETS.items()}
     return next((name for name in texts if all(text in entry.arguments for text in texts[name])), _OTHER)

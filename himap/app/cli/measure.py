@@ -1,4 +1,4 @@
-"""`himap measure`: what is measured on many skies, written as records, checked and grown."""
+"""`himap measure`: experiments on many skies, written as records, checked and extended."""
 
 import shutil
 import textwrap
@@ -22,13 +22,13 @@ from himap.store.sources import LOADED, digest_of
 from himap.store.store import describe
 
 _MOST_SOURCES = 10_000
-_USUAL_WIDTH = 120  # columns of an output that is no terminal
+_USUAL_WIDTH = 120  # columns if the output is not a terminal
 _NARROWEST = 16  # columns of a text
-_OF_HEAD = 8  # least columns of a number, which its head is broken into
-_SKIES = Parameter("n_realisations", "int", 20, "skies, each with a seed of its own")
-_AMOUNTS = ("n_realisations", "n_restarts", "n_mocks")  # that are always stored
+_OF_HEAD = 8  # least columns of a number, to which its head is wrapped
+_SKIES = Parameter("n_realisations", "int", 20, "skies, each with its own seed")
+_AMOUNTS = ("n_realisations", "n_restarts", "n_mocks")  # always stored
 _GROW = _AMOUNTS[:2]  # of a record
-_OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters that it knows by itself
+_OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters in a provenance
 
 
 @click.command()
@@ -38,7 +38,7 @@ _OF_PROVENANCE = ("preset", "survey", "galaxy", "template_dir")  # parameters th
 @click.option("-o", "--output", metavar="FILE", help="The JSON to write; default in results/.")
 @overwrite_option
 @click.option("--check", metavar="FILE", help="Measure a sky of this record again, and mark it.")
-@click.option("--grow", metavar="FILE", help="Add skies and restarts that this record does not have.")
+@click.option("--grow", metavar="FILE", help="Add skies and restarts missing in this record.")
 @workers
 @debug
 def measure(name, *, pairs, preset, output, overwrite, check, grow):
@@ -59,7 +59,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     \b
     himap measure claims --preset laptop -p galaxy=templates -p template_dir=maps
     """
-    # Imported here: other commands need not wait for what does the work.
+    # Imported here, so that other commands start fast.
     from himap.paper.experiments import find_experiment, measuring_code
     from himap.paper.record import Record
 
@@ -67,7 +67,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
     path = grow if check is None else check
     if path is not None and (None not in (check, grow) or output is not None or overwrite):
         raise InputError(
-            "--check and --grow write into the file that they name: give one of them, without -o and "
+            "--check and --grow write into the given file: give one of them, without -o and "
             "--overwrite; a record is checked before it grows."
         )
     record = None if path is None else Record.load(experiment, path)
@@ -77,16 +77,16 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         path = check_output(default if output is None else Path(output), suffix=".json", overwrite=overwrite)
     started = time.monotonic()
     skies = experiment.skies(**chosen)
-    # With one realisation and restart: a record may grow. Defaults and files that it reads are in it.
+    # With one realisation and restart, since a record may grow. Includes defaults and input files.
     first = describe(experiment.skies(**chosen | {one: 1 for one in _GROW if one in chosen})[0])
-    first = first.replace(repr(chosen.get("template_dir")), "")  # what its files hold counts
+    first = first.replace(repr(chosen.get("template_dir")), "")  # the content of its files counts
     stated = {one: chosen[one] for one in (*_AMOUNTS, *experiment.stated) if one in chosen}
     stated |= {one: value for one, value in given.items() if one not in _OF_PROVENANCE}
 
     def about(since):
         options = {"galaxy": skies[0].galaxy, "preset": chosen["preset"], "parameters": stated}
         made = Provenance.of(skies[0].survey, **options, started=since)
-        # The code that ran, whatever was edited in the hours since.
+        # The code that ran, even if it was edited meanwhile.
         code = measuring_code(name, CodeTree(texts=LOADED))
         files = {"galaxy_files": skies[0].galaxy.digest(), "first_sky": digest_of([first])}
         return asdict(made) | files | {"code": code}
@@ -101,7 +101,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
             raise InputError(f"{path} has {n} restarts of that sky: give n_restarts={n} or fewer.")
         rows = experiment.table(skies[:1])
         drawn = _single_draws(rows, chosen)
-        record = Record.load(experiment, path)  # another command may have grown it meanwhile
+        record = Record.load(experiment, path)  # may have grown meanwhile
         record.check(rows, about(started), drawn=drawn).save(path)
         n, more = drawn.sum(), "of single runs of a chaotic method are not compared"
         said = f"{len(rows) - n} rows of one sky are the same with today's code"
@@ -116,17 +116,17 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         for sky in record.missing(skies, about(started)):
             since = time.monotonic()
             rows = experiment.table([sky])
-            record = Record.load(experiment, path)  # another command may have grown it meanwhile
+            record = Record.load(experiment, path)  # may have grown meanwhile
             if record.missing([sky], about(since)) != [sky]:
                 raise InputError(f"{path} was grown by another command meanwhile: run this one again.")
             record = record.grow(rows, about(since))
-            record.save(path)  # at once: no sky is lost
+            record.save(path)  # immediately: no sky is lost
     click.echo(_table(experiment.summary(record.rows), experiment.remark(skies[0])))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
 
 
 def _table(summary, note):
-    """The `Table` of a summary, numbers at the right and long texts in several lines, to fit the terminal."""
+    """The `Table` of a summary, numbers right-aligned and long texts wrapped to fit the terminal."""
     align = "".join("r" if summary[name].str.match(r"[-+–.\d]|$").all() else "l" for name in summary)
     width = shutil.get_terminal_size((_USUAL_WIDTH, 0)).columns - 2 * (len(align) - 1)
     longest = [max(map(len, (name[:_OF_HEAD], *summary[name]))) for name in summary]
@@ -144,10 +144,10 @@ def _table(summary, note):
 
 
 def _single_draws(rows, chosen):
-    """Which rows are of single runs of chaotic methods, an array, if so were the parameters `chosen`.
+    """Which rows are of single runs of chaotic methods, an array, given the parameters `chosen`.
 
-    They are those with its name in the column "method"; of restarts of the judged method, those that are not
-    about others alone.
+    These have such a method in the column "method"; for restarts of the judged method, all rows except those
+    only about others.
     """
     from himap import removal
     from himap.paper.claims.base import METHODS
@@ -162,7 +162,7 @@ def _single_draws(rows, chosen):
 
 
 def _parameters(experiment, pairs, preset, recorded):
-    """{name: value} of all parameters of an experiment, and of those that were given or `recorded`."""
+    """{name: value} of all parameters of an experiment, and of those given or `recorded`."""
     declared = {one.name: one for one in (_SKIES, *find(experiment.chapter).parameters)}
     declared = [
         replace(one, default=experiment.defaults.get(one.name, one.default))
@@ -173,5 +173,5 @@ def _parameters(experiment, pairs, preset, recorded):
     usual = {one.name: one.default for one in declared}
     given = {name: value for name, value in given.items() if name in recorded or value != usual[name]}
     for one in given.keys() & {"n_sources_min", "n_sources_max"}:
-        whole_number(one, given[one], 1, _MOST_SOURCES)  # before so many are counted
+        whole_number(one, given[one], 1, _MOST_SOURCES)  # before counting them
     return usual | given, given

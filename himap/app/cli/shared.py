@@ -1,4 +1,4 @@
-"""The options that commands of `himap` share, and their errors, in one paragraph."""
+"""Options shared by commands of `himap`, and their errors, in one paragraph."""
 
 import functools
 import os
@@ -22,11 +22,11 @@ _NOTEBOOK_PACKAGES = {
     *("nbclient", "nbformat", "papermill", "PIL"),
 }
 _FOR_CHILDREN = {"PYTHONSAFEPATH": "1"}
-"""Processes that a command starts take no modules from the current folder."""
+"""Processes started by a command do not import modules from the current folder."""
 
 
 class Commands(click.Group):
-    """Commands whose users' errors end in one paragraph: code 2 for bad input, 1 for a failed notebook."""
+    """Commands whose user errors end with one paragraph: code 2 for bad input, 1 for a failed notebook."""
 
     def invoke(self, context):
         try:
@@ -46,7 +46,7 @@ class Commands(click.Group):
 
 
 def completed_by(names):
-    """What completes an argument or option in a shell: those that ``names()`` gives, or a file."""
+    """Shell completion of an argument or option: names from ``names()``, or a file."""
 
     def complete(context, parameter, incomplete):
         known = []
@@ -64,7 +64,7 @@ EXPERIMENT = completed_by(lambda: import_module("himap.paper.experiments").EXPER
 
 
 class NamesOption(click.Option):
-    """An option of what a package has available, found when its help lists that or a shell completes it."""
+    """An option for the content of a package, listed only for its help or shell completion."""
 
     def __init__(self, *arguments, package="himap.removal", more="", less=(), **options):
         self._names = lambda: [name for name in import_module(package).available() if name not in less]
@@ -74,11 +74,11 @@ class NamesOption(click.Option):
     def get_help_record(self, context):
         self.help = f"{', '.join(self._names())}{self._more}."
         option, text = super().get_help_record(context)
-        return option, text.replace("  [required]", "")  # an error says it, and the help is a line
+        return option, text.replace("  [required]", "")  # reported by an error, and the help is one line
 
 
 def with_options(*options):
-    """Decorator: a command with these options, in this order."""
+    """Decorator: add these options to a command, in this order."""
     return lambda command: functools.reduce(lambda so_far, option: option(so_far), reversed(options), command)
 
 
@@ -89,14 +89,14 @@ debug = click.option(
     callback=lambda context, _, value: value and context.meta.update(debug=True),
     help="Show the traceback of an error.",
 )
-overwrite_option = click.option("--overwrite", is_flag=True, help="Write over what is there.")
+overwrite_option = click.option("--overwrite", is_flag=True, help="Replace existing files.")
 
 
 def workers(command):
-    """The options that say who does the work of a command, and with how much memory.
+    """Options for the processes and the memory of a command.
 
-    Kernels and worker processes read them from the environment, where they are while the command runs. An
-    address without a scheduler is refused before any work, also where all is in the cache already.
+    Kernels and worker processes read them from the environment, where they are set while the command runs. An
+    address without a scheduler is refused before any work, even if all results are in the cache.
     """
 
     @functools.wraps(command)
@@ -110,22 +110,22 @@ def workers(command):
             return command(*args, **options)
 
     address = "Scheduler of a Dask cluster, such as tcp://host:8786."
-    size = "What may be used, such as 16GB; default: what is free."
+    size = "Memory limit, such as 16GB; default: free memory."
     return with_options(
-        click.option("--jobs", type=click.IntRange(min=1), help="Processes that work at once; default 1."),
+        click.option("--jobs", type=click.IntRange(min=1), help="Number of parallel processes; default 1."),
         click.option("--dask", metavar="ADDRESS", help=address),
         click.option("--max-memory", metavar="SIZE", help=size),
     )(wrapped)
 
 
 def named_values(pairs, preset=None):
-    """{name: text} of texts NAME=VALUE, in small letters the names, and of the option --preset."""
+    """{name: text} from texts NAME=VALUE, names in lower case, and from the option --preset."""
     texts = {}
     for pair in dict.fromkeys(pairs if preset is None else [f"preset={preset}", *pairs]):
         name, equals, text = pair.partition("=")
         name = name.lower()
         if not (equals and name.isidentifier()):
-            raise InputError(f"a parameter is given as -p name=value; got -p {pair}.")
+            raise InputError(f"parameters are given as -p name=value; got -p {pair}.")
         try:
             text.encode()
         except UnicodeEncodeError:
