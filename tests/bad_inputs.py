@@ -136,7 +136,7 @@ add("folder", "one frame of coordinates, got C (900MHz.fits), G (910MHz.fits)", 
 for name in ("freq_weights", "tsys_mhz", "nu_id"):
     add("a.h5", NO_FREQS, write_hdf5, "a.h5", freqs_name=name)
 for said in ({"unit": "mK", "units": "K"}, {"unit": "mK", "order": "RING", "ordering": "NESTED"}):
-    add("a.h5", "say different things", write_hdf5, "a.h5", said=said)
+    add("a.h5", "contradict each other", write_hdf5, "a.h5", said=said)
 add("a.h5", "--freqs-name", write_hdf5, "a.h5", more={"nu": FREQS + 1})
 add("a.h5", NO_FREQS, write_hdf5, "a.h5", freqs=np.arange(25.0))
 for shape in ((N_PIX,), SHAPE[::-1]):
@@ -157,10 +157,10 @@ for message, more in (
     ("frame of coordinates (an attribute of a.h5) must be one of G, C, E, ICRS, FK5, FK4", {"coordsys": 3}),
     ("FK5, FK4, FK4-NO-E, GAPPT, S, H, got 'sky'", {"frame": "sky"}),
     ("a.h5: SPECSYS must be one of TOPOCENT, GEOCENTR", {"specsys": 5}),
-    ("says two orders of pixels, RING and True", {"order": "RING", "nest": True}),
+    ("states two pixel orders, RING and True", {"order": "RING", "nest": True}),
     ("RING or NESTED, got 'perhaps'", {"nested": "perhaps"}),
-    ("a.h5 says nside 8, and maps has 4", {"nside": 2 * NSIDE}),
-    ("say different things: BUNIT = 'K', unit = 'mK'", {"BUNIT": "K", "unit": "mK"}),
+    ("a.h5 states nside 8, but maps has 4", {"nside": 2 * NSIDE}),
+    ("contradict each other: BUNIT = 'K', unit = 'mK'", {"BUNIT": "K", "unit": "mK"}),
 ):
     add("a.h5", message, write_hdf5, "a.h5", **more)
 for words in ("a.h5", "a.h5 --maps maps"):
@@ -227,17 +227,17 @@ add("a.h5", "GB", large_hdf5)
 # Containers of cora and draco.
 container = partial(write_container, "a.h5", good_maps(), FREQS)
 for pols in (["XX", "YY"], ["I", "I"]):
-    add("a.h5 --unit K", "have I once", container, pols=pols)
+    add("a.h5 --unit K", "contain I once", container, pols=pols)
 add("a.h5 --unit K", "with the axes (freq, pol, pixel)", container, axis=("pol", "freq", "pixel"))
 add("a.h5", "--unit", container)
 for name, values, message in (
     ("index_map__freq", None, "no index_map/freq"),
     ("index_map__pol", None, "no index_map/pol"),
-    ("index_map__pol", np.arange(4), "must have I once"),
+    ("index_map__pol", np.arange(4), "must contain I once"),
     ("index_map__pol", np.array([b"I"]), "1 names and"),
     ("index_map__freq", np.array([b"900"] * 24), "frequencies |S3 (24,)"),
     ("index_map__freq", np.zeros(24, dtype=[("width", "f8")]), "or a table with a column centre"),
-    ("index_map__freq", h5py.ExternalLink("other.h5", "freqs"), "no index_map/freq in its own"),
+    ("index_map__freq", h5py.ExternalLink("other.h5", "freqs"), "no index_map/freq in the same file"),
     ("mask", np.zeros(SHAPE, dtype=bool), "has a mask"),
     ("others", good_maps(), "2 are: others, map. Name it with --maps"),
 ):
@@ -329,50 +329,50 @@ for message, cards in (
     ("must be brightness temperatures", {"BUNIT": "m/s"}),
     ("got unit '3'", {"BUNIT": 3}),
     ("as BUNIT in a header, TUNIT", {"BUNIT": "K (Ta*)"}),
-    ("FREQ changes along axis 1 too", {"PC3_1": 0.1, "PC1_3": 0.0}),
+    ("FREQ also changes along axis 1", {"PC3_1": 0.1, "PC1_3": 0.0}),
     ("a.fits: RADESYS must be one of", {"RADESYS": 3}),
     ("a.fits: RADESYS must be one of", {"RADESYS": "SKY"}),
     ("a.fits: SPECSYS must be one of", {"SPECSYS": 7}),
 ):
     add("a.fits", message, write_image, "a.fits", images, **cards)
-add("a.fits", "two axes of the sky", write_image, "a.fits", images,
+add("a.fits", "two sky axes", write_image, "a.fits", images,
     axes=(("X", 1, 1, 1, ""), ("Y", 1, 1, 1, ""), FREQ))  # fmt: skip
 for message, *axis in (
-    ("no axis FREQ, of the channels, but RA---SIN, DEC--SIN, LAYER", "LAYER", 1, 1, 1, ""),
-    ("no axis FREQ, of the channels, but RA---SIN, DEC--SIN, VRAD", "VRAD", 1e5, 1, 1e3, "m/s"),
+    ("no frequency axis FREQ, but RA---SIN, DEC--SIN, LAYER", "LAYER", 1, 1, 1, ""),
+    ("no frequency axis FREQ, but RA---SIN, DEC--SIN, VRAD", "VRAD", 1e5, 1, 1e3, "m/s"),
     ("but RA---SIN, DEC--SIN, VELO-LSR", "VELO-LSR", 1e5, 1, 1e3, "m/s"),
-    ("looks like another unit", "FREQ", 1, 1, 1, "Hz"),
-    ("a.fits: two channels have the frequency", *FREQ[:3], 1.0, "Hz"),
-    ("cannot be understood", "FREQ-XYZ", *FREQ[1:]),
-    ("cannot be understood", "VELO", *FREQ[1:]),
+    ("probably in another unit", "FREQ", 1, 1, 1, "Hz"),
+    ("a.fits: two channels have the same frequency", *FREQ[:3], 1.0, "Hz"),
+    ("of an image are invalid", "FREQ-XYZ", *FREQ[1:]),
+    ("of an image are invalid", "VELO", *FREQ[1:]),
     ("coordinates in a table", "FREQ-TAB", *FREQ[1:]),
 ):
     cards = {"RESTFRQ": 1.42e9} if "/s" in axis[-1] else {}
     add("a.fits", message, write_image, "a.fits", images, axes=(*SKY["SIN"], axis), **cards)
 for given, words, message in (
     (np.stack([images] * 4), "", "4 values along STOKES"),
-    (images[None, :1], "", "needs two channels"),
-    (images[None], "--order RING", "an image has no order"),
-    (images[None], "--unit K", "the file says mK"),
+    (images[None, :1], "", "needs two observed channels"),
+    (images[None], "--order RING", "an image has no HEALPix order"),
+    (images[None], "--unit K", "the file states mK"),
 ):
     add(f"a.fits {words}", message, write_image, "a.fits", given, axes=(*SKY["SIN"], FREQ, STOKES))
 for axes in (SKY["ZEA"], (*SKY["ZEA"], FREQ)):
-    message = "as FITS counts: which axis is which is not known. Write it with a header of three axes"
+    message = "in FITS order, so the axes cannot be identified. Write it with a header of three axes"
     add("a.fits --freqs nu.txt", message, write_image, "a.fits", images.T, axes=axes, WCSAXES=2)
 for axes in ("ra,dec", "ra,ra,freq", "time,dec,freq", "pixel,freq", ","):
     add(f"image.fits --axes {axes}", "such as ra,dec,freq")
 up = ("FREQ", 2e9, 1, 2e6, "Hz")
 for message, axes, cards in (
     ("have the same channel, 980 MHz", (*SKY["SIN"], FREQ), {}),
-    ("must have the same axes of the sky", (*SKY["CAR"], up), {}),
+    ("must have the same sky axes", (*SKY["CAR"], up), {}),
     ("must have one unit", (*SKY["SIN"], up), {"BUNIT": "K"}),
-    ("only one has an axis FREQ", (*SKY["SIN"], ("", 1, 1, 1, "")), {}),
+    ("has an axis FREQ; write it into the other header", (*SKY["SIN"], ("", 1, 1, 1, "")), {}),
 ):
     add("folder", message, write_image_folder, axes, **cards)
 add("a.fits", "HDU 1 (DATA) and a.fits, HDU 2 (ERROR) have the same channel, 980 MHz", write_two_images)
-add("image.fits --truth a.fits", "the truth must have the channels and the axes of the sky of the cube",
+add("image.fits --truth a.fits", "the truth must have the channels and the sky axes of the cube",
     write_image, "a.fits", images, axes=(*SKY["CAR"], FREQ))  # fmt: skip
-add("a.fits", "two axes of the sky", lambda: fits.PrimaryHDU(np.ones((24, 10, 10))).writeto("a.fits"))
+add("a.fits", "two sky axes", lambda: fits.PrimaryHDU(np.ones((24, 10, 10))).writeto("a.fits"))
 add("a.fits", "cannot be read as an image cube",
     lambda: Path("a.fits").write_bytes(Path("image.fits").read_bytes()[:9000]))  # fmt: skip
 
@@ -398,8 +398,8 @@ for array in (
 ):
     add(NPY, "a.npy must hold numbers of shape (n_channels, n_pix) with n_pix = 12 nside^2", save, "a.npy",
         array)  # fmt: skip
-add(NPY, "there must be one frequency for each", save, "a.npy", np.ones((1, N_PIX)))
-add(NPY, "two channels with seen pixels", save, "a.npy", np.full(SHAPE, np.nan))
+add(NPY, "expected one frequency for each", save, "a.npy", np.ones((1, N_PIX)))
+add(NPY, "needs two observed channels", save, "a.npy", np.full(SHAPE, np.nan))
 add(NPY, "no .npy file of plain numbers", save, "a.npy", np.array([{"a": 1}], dtype=object))
 add(NPY, "archive of arrays", lambda: (np.savez("a.npz", 1), os.rename("a.npz", "a.npy")))
 for numbers, message in (
@@ -416,14 +416,14 @@ for numbers, message in (
     (1 + 0.1 * np.arange(12) * np.ones((24, 1)), "nowhere more"),
 ):
     add("good.h5 --beam b.npy", message, save, "b.npy", numbers)
-COLUMNS = "one frequency a line"
+COLUMNS = "one frequency per line"
 for numbers, message in (
     (np.full(24, "a"), "f.npy"),
     (np.zeros(0, int), "f.npy"),
     (-FREQS, "freqs must be positive"),
     (FREQS[:3], "one frequency for each of the 24 channels, got 3"),
     (1e6 * FREQS, "looks like another unit"),
-    (np.full(24, 1000.0), "two channels have the frequency 1000 MHz"),
+    (np.full(24, 1000.0), "two channels have the same frequency, or nearly, 1000 MHz"),
     (np.stack([FREQS, FREQS]), COLUMNS),
     (FREQS.reshape(2, 3, 4), "table of shape (2, 3, 4)"),
     (np.array([FREQS, np.full(24, 5.0)]).T, COLUMNS),
@@ -463,8 +463,8 @@ for mask, message in (
     add("good.h5 --mask m.fits", message, write_fits, "m.fits", mask, column_units=None)
 add("good.h5 --mask m.fits --method beam_subspace --beam evolving",
     "there are 1 modes to l = 8, and 24 channels need as many", write_fits, "m.fits", spot)  # fmt: skip
-add("part.fits --mask m.fits", "no pixel that the cube sees", write_fits, "m.fits", spot[::-1])
-add("image.fits --mask m.fits", "m.fits must have the axes of the sky of the cube", write_image, "m.fits",
+add("part.fits --mask m.fits", "no observed pixel of the cube", write_fits, "m.fits", spot[::-1])
+add("image.fits --mask m.fits", "m.fits must have the sky axes of the cube", write_image, "m.fits",
     np.ones_like(images[0]), axes=SKY["CAR"], BUNIT="")  # fmt: skip
 add("image.fits --mask m.npy", "m.npy must have the shape of an image", np.save, "m.npy",
     np.ones_like(images[0].T, bool))  # fmt: skip
@@ -472,7 +472,7 @@ add("good.h5 --mask m.npy", "m.npy must be one map", np.save, "m.npy", np.ones(S
 add("image.fits --mask m.fits --rotate", "only HEALPix maps are rotated", write_image, "m.fits",
     np.ones_like(images[0]), axes=SKY["SIN"], BUNIT="")  # fmt: skip
 add("good.h5 --mask m.fits", "ORDERING", change_cards, "mask.fits", "m.fits", ORDERING="''")
-add("good.h5 --weights m.fits", "must say ORDERING", change_cards, "mask.fits", "m.fits", ORDERING="''")
+add("good.h5 --weights m.fits", "must state ORDERING", change_cards, "mask.fits", "m.fits", ORDERING="''")
 
 
 def bad(value):
@@ -482,18 +482,18 @@ def bad(value):
 
 
 for word, values, message in (
-    ("weights", bad(-1), "the weights w.npy must be finite and 0 or more; 0 means not seen; 1 are not"),
+    ("weights", bad(-1), "the weights w.npy must be finite and 0 or more; 0 means not observed; 1 are not"),
     ("weights", bad(np.inf), "finite and 0 or more"),
     ("flags", bad(2), "True (or 1) where a voxel is bad and False (or 0) where it is good; 1 are not"),
     ("flags", bad(np.nan), "1 are not"),
-    ("weights", np.ones(768), "of the pixels of the cube, (192,), or of its voxels, (24, 192), all"),
-    ("weights", np.ones((23, N_PIX)), "all channels in its file included; got (23, 192)"),
+    ("weights", np.ones(768), "pixels of the cube, (192,), or of its voxels, (24, 192), including all"),
+    ("weights", np.ones((23, N_PIX)), "including all channels of its file; got (23, 192)"),
     ("flags", np.ones((24, 24)), "must have the shape of one map, n_pix = 12 nside^2"),
-    ("weights", np.zeros(N_PIX), "needs two channels with seen pixels, got 0 of 24"),
+    ("weights", np.zeros(N_PIX), "needs two observed channels, got 0 of 24"),
     ("weights", np.full(N_PIX, "a"), "must be real numbers"),
 ):
     add(f"good.h5 --{word} w.npy", message, save, "w.npy", values)
-add("good.h5 --weights w.fits", "w.fits must be finite and 0 or more; 0 means not seen; 1 are not",
+add("good.h5 --weights w.fits", "w.fits must be finite and 0 or more; 0 means not observed; 1 are not",
     write_fits, "w.fits", bad(np.inf)[0], column_units=None)  # fmt: skip
 ones, blank = np.ones(SHAPE), np.ones_like(images)
 descending = {"column_names": [f"{freq:g} MHz" for freq in FREQS[::-1]]}
@@ -508,7 +508,7 @@ for word in ("weights", "flags"):
         ("w.fits", "must have the channels of the cube", partial(write_fits, "w.fits", ones, **descending)),
     ):
         add(f"good.h5 --{word} {file}", message, write)
-    alike = "must have the axes of the sky of the cube"
+    alike = "must have the sky axes of the cube"
     for file, message, write in (
         ("w.fits", alike, partial(write_image, "w.fits", blank[0].T, axes=SKY["SIN"])),
         ("nu.txt", "of a cube of images must be a .fits or .npy file", None),
@@ -526,15 +526,15 @@ add("good.h5 --truth a.h5", "the truth must have the channels", write_hdf5, "a.h
 
 
 add("suggest good.h5 -o f.html", "give --overwrite", Path("f.html").touch)
-add("suggest good.h5 --flags f.html -o f.html --overwrite", "made from", Path("f.html").touch)
+add("suggest good.h5 --flags f.html -o f.html --overwrite", "is an input", Path("f.html").touch)
 for command, output in (("clean", "nu.h5"), ("suggest", "nu.html"), ("transfer", "nu.html")):
     words = f"{command} good.npy --freqs nu.html --unit mK --method beam_subspace --beam evolving -o {output}"
-    add(f"{words} --overwrite", "made from", os.rename, "nu.txt", "nu.html")
+    add(f"{words} --overwrite", "is an input", os.rename, "nu.txt", "nu.html")
 for words, *names in (
     ("good.npy --unit mK --freqs c_mixing.txt -o c.npy", "nu.txt", "c_mixing.txt"),
     ("c_foreground.npy --unit mK --freqs nu.txt -o c.npy", "good.npy", "c_foreground.npy"),
 ):
-    add(f"{words} --overwrite", "made from", os.rename, *names)
+    add(f"{words} --overwrite", "is an input", os.rename, *names)
 for words in (
     "--mask mask.fits -o mask.fits",
     "--weights bl.npy -o bl.npy",
@@ -542,10 +542,12 @@ for words in (
     "-o good.h5",
     "--truth good.npy -o good.npy",
 ):
-    add(f"good.h5 {words} --overwrite", "made from")
-add(["link.npy", *READING, "-o", "good.npy", "--overwrite"], "made from", os.symlink, "good.npy", "link.npy")
+    add(f"good.h5 {words} --overwrite", "is an input")
+add(
+    ["link.npy", *READING, "-o", "good.npy", "--overwrite"], "is an input", os.symlink, "good.npy", "link.npy"
+)
 add("good.h5 -o good.fits", "give --overwrite")
-add("good.h5 -o c.txt", "the output is a .h5, .hdf5, .fits, .fits.gz or .npy file, got c.txt")
+add("good.h5 -o c.txt", "the output must be a .h5, .hdf5, .fits, .fits.gz or .npy file, got c.txt")
 for name in ("nowhere/c.h5", "c.hdf", "", "..", "c\0.h5"):
     add(["good.h5", "-o", name], "")
 add("good.h5 -o p.h5 --overwrite", "p.html is a folder", os.mkdir, "p.html")
@@ -559,7 +561,7 @@ for option in ("", "--freqs", "--mocks"):
 for words in ("", "good.h5 --beam ", "good.h5 --mask ", "good.h5 --method gnilc -p prior="):
     add(f"{words}pipe.fits", "pipe.fits", os.mkfifo, "pipe.fits")
 add("good.h5 --mask folder", "folder", os.mkdir, "folder")
-add("folder", "holds no FITS file", os.mkdir, "folder")
+add("folder", "contains no FITS file", os.mkdir, "folder")
 for message, write in (
     ("920MHz.fits", os.mkfifo),
     ("920MHz.fits", os.mkdir),
@@ -573,7 +575,7 @@ for name in ("a.h5", "a.fits", "a.npy", "a.txt"):
         words = [name, *(READING if name == "a.npy" else [])]
         message = "a cube is HDF5, FITS or .npy" if name == "a.txt" else name
         add(words, message, lambda name=name, content=content: Path(name).write_text(content))
-add("a.h5.gz", "this is none of them (unpack archives",
+add("a.h5.gz", "match none of them (unpack archives",
     lambda: Path("a.h5.gz").write_bytes(gzip.compress(Path("good.h5").read_bytes())))  # fmt: skip
 add([""], "there is no file ''")
 add("nothing.h5", "there is no file")
@@ -581,10 +583,10 @@ add("good.npy --freqs nu.txt", "K or mK")
 add("good.npy --freqs nu.txt --unit Jy", "brightness temperatures")
 add("good.npy --unit mK", NO_FREQS)
 add("good.h5 --order SPIRAL", "RING or NESTED")
-add("good.h5 --order NESTED", "the file says RING, but the order")
-add("good.h5 --unit K", "the file says mK, but the unit given is K")
+add("good.h5 --order NESTED", "the file states RING, but the order")
+add("good.h5 --unit K", "the file states mK, but the unit given is K")
 add("good.h5 --frame X", "frame of coordinates (--frame) must be one of G, C, E, ICRS")
-add("a.h5 --frame G", "the file says C, but the frame given is G", write_hdf5, "a.h5", coordsys="C")
+add("a.h5 --frame G", "the file states C, but the frame given is G", write_hdf5, "a.h5", coordsys="C")
 add("good.h5 --freqs widths.txt", "but the list of frequencies")
 
 BEAM = "--method beam_subspace --beam"
@@ -617,18 +619,18 @@ for word in ("1000000000000", "0", "-3"):
     message = f"the number of mocks must be a whole number between 1 and 10000, got {word}"
     add(f"transfer good.h5 --beam evolving --mocks {word}", message)
 for words, message in (
-    ("--mocks 2", "give it (beams=, --beam), or mocks of your own"),
-    ("--mocks 2 --mocks part.fits", "one number, or a file for each mock"),
+    ("--mocks 2", "give it (beams=, --beam), or your own mocks"),
+    ("--mocks 2 --mocks part.fits", "one number, or a file per mock"),
     ("--mocks none.h5", "there is no file 'none.h5'"),
-    ("--mocks good.h5 --mock-noise 1", "those from files have their own"),
+    ("--mocks good.h5 --mock-noise 1", "those from files include noise"),
     ("--beam evolving --mocks 2 --mock-noise 0", "noise must be above zero"),
 ):
     add(f"transfer good.h5 {words}", message)
 message = "a.h5: a mock must have the channels and the nside of the cube"
 add("transfer good.h5 --mocks a.h5", message, write_hdf5, "a.h5", np.tile(good_maps(), 4))
-add("good.h5 --mock-noise 1", "belongs to a number")
+add("good.h5 --mock-noise 1", "applies to a number")
 for name in ("gnilc", "sdecgmca", "beam_subspace", "smooth_spectra"):
-    message = f"{name} looks at the sphere, by multipoles, and the cube is an image in the plane: take "
+    message = f"{name} uses multipoles of the sphere, and the cube is an image in the plane: use "
     message += "fastica, gaussian_process, gmca, parametric, pca or polynomial"
     add(f"image.fits --method {name} --beam evolving", message)
 for words in ("--beam evolving", "--mocks image.fits", "--mocks 2"):
@@ -638,10 +640,10 @@ for words in (f"--to {10**30}", "--from 24 --to 25"):
 add("suggest good.h5 -p n_sources=3", "--from and --to")
 add("suggest good.h5 --method polynomial", "has no number of sources")
 add("suggest good.h5 --flags bl.npy --method gmca", "takes no weights")
-message = "--period is of an error that oscillates: give --ripple too"
+message = "--period applies to oscillating errors: give --ripple too"
 add("sensitivity good.h5 --method beam_subspace --beam evolving --width 0.01 --period 7", message)
 for command in ("suggest", "sensitivity", "transfer"):
-    add(f"{command} good.h5 -o n.png", "the page is a .html file")
+    add(f"{command} good.h5 -o n.png", "the page must be a .html file")
 
 # Records and notebooks, before any work.
 for words, message in (
@@ -650,7 +652,7 @@ for words, message in (
     ("clams", "unknown experiment 'clams'; there are authors, beam_errors"),
     ("claims -p n_realisation=2", "did you mean n_realisations"),
     ("claims -p galaxy=templates", "needs template_dir"),
-    ("claims -o claims.txt", "something.json"),
+    ("claims -o claims.txt", "must be a file name ending in .json"),
     ("claims --preset huge", "unknown preset"),
     ("claims --jobs 0", "--jobs"),
     ("claims --check none.json", "there is no record none.json"),
@@ -676,7 +678,7 @@ for words, message in (
     ("04_pca 05_fastica -o out.ipynb", "-o names the output of one notebook"),
     ("--stale -p n_sources=3", "--stale runs notebooks as they are committed"),
     ("--stale -o .", "--stale runs notebooks as they are committed"),
-    ("--all 04_pca", "--all runs every notebook; leave it out to run only 04_pca"),
+    ("--all 04_pca", "--all runs every notebook; omit it to run only 04_pca"),
     ("--all -p n_sorces=3", "no notebook has the parameter n_sorces"),
     (f"04_pca --max-memory {'9' * 5000}", "such as 16GB, and at most 1000 TB; got '9999"),
     (f"04_pca -p n_sources={'x' * 100_000}", "characters more ...]"),

@@ -283,7 +283,7 @@ def test_a_ledger_makes_as_many_separations_as_the_chapter_says():
 
 
 def test_what_is_not_stored_is_told(tmp_path):
-    with pytest.raises(InputError, match="there is no .*steps_quick.json; the page on contributing says how"):
+    with pytest.raises(InputError, match="there is no .*steps_quick.json; the page on contributing explains"):
         read_stored("steps_quick", tmp_path)
     (tmp_path / "steps_quick.json").write_text("{")
     with pytest.raises(InputError, match="steps_quick.json is not a stored result"):

@@ -68,13 +68,13 @@ def _tree(tree):
 @pytest.mark.parametrize(
     ("harm", "why"),
     [
-        (lambda folder: os.truncate(folder / "0.npy", 100), "0.npy has another checksum"),
-        (_alter, "0.npy has another checksum"),
+        (lambda folder: os.truncate(folder / "0.npy", 100), "0.npy has a wrong checksum"),
+        (_alter, "0.npy has a wrong checksum"),
         (lambda folder: (folder / "0.npy").unlink(), "No such file"),
         (lambda folder: (folder / "note.json").write_text("{"), ""),
-        (_tree('{"array": "/etc/passwd"}'), "no array of this folder"),
-        (_tree('{"class": ["antigravity", "fly"], "fields": {}}'), "there is no class"),
-        (_tree('{"class": ["himap.core.errors", "InputError"], "fields": {}}'), "there is no class"),
+        (_tree('{"array": "/etc/passwd"}'), "not an array of this folder"),
+        (_tree('{"class": ["antigravity", "fly"], "fields": {}}'), "antigravity.fly no longer exists"),
+        (_tree('{"class": ["himap.core.errors", "InputError"], "fields": {}}'), "InputError no longer"),
         # The rest of a deletion that was killed, say: there is no result.
         (lambda folder: (folder / "note.json").unlink(), None),
         (lambda folder: [file.unlink() for file in folder.iterdir()], None),
@@ -84,7 +84,7 @@ def _tree(tree):
 def test_a_damaged_result_is_computed_again_with_a_warning(lab, kept, harm, why):
     """Reading runs and imports nothing; where there is no result there is no warning."""
     harm(kept)
-    message = f"cached base is damaged and is computed again .*{why}"
+    message = f"cached base is damaged and will be computed again .*{why}"
     with pytest.warns(UserWarning, match=message) if why is not None else nullcontext():
         np.testing.assert_array_equal(lab.base(SURVEY), 2 * np.arange(100))
     lab.base(SURVEY)
@@ -197,7 +197,7 @@ def test_a_folder_that_can_only_be_read_is_read(lab, kept, monkeypatch):
 
 
 def test_a_disk_that_is_full_is_one_clear_error(lab):
-    said = "slow cannot be kept in .*GB are free. Free space with `himap cache clear`"
+    said = "slow cannot be stored in .*GB are free. Free space with `himap cache clear`"
     with little_room(10**6), pytest.raises(InputError, match=said):
         lab.slow(10**6)
     assert not _unfinished() and not cache.cache_info()

@@ -135,7 +135,7 @@ def test_an_address_without_a_scheduler_is_refused_before_any_work(himap_command
     monkeypatch.setattr("himap.store.parallel._CHECK", 0.3)
     for address in ("tcp://127.0.0.1:1", "nonsense://x"):
         code, _, error = himap_command("run", "01_toy", "--dask", address)
-        assert code == 2 and f"there is no Dask scheduler at {address}" in " ".join(error.split())
+        assert code == 2 and f"no Dask scheduler at {address}" in " ".join(error.split())
     monkeypatch.setenv(DASK_VARIABLE, "tcp://127.0.0.1:2")
     code, _, error = himap_command("run", "01_toy")
     assert code == 2 and "tcp://127.0.0.1:2" in error and not runs

@@ -118,7 +118,7 @@ class TestWrite:
             assert code == 2 and f"{file} exists; choose another output, or give --overwrite" in err
             assert Path(file).read_text() == "hours of work"
         code, _, err = himap_command("measure", name, "--preset", "ci", "-o", "")
-        assert code == 2 and "something.json; got" in err
+        assert code == 2 and "must be a file name ending in .json, got" in err
 
 
 THE_SAME = "are the same with today's code"

@@ -68,7 +68,7 @@ class TestAxes:
             found = read_truth(name, cube=of, axes="ra,dec,freq")
             assert np.array_equal(found.maps, truth.reshape(N_X, -1))
         self.write(np.zeros_like(images), axes, "f.fits", BUNIT="")
-        message = r"is turned \(--axes\).*give it as .npy of the shape .n_channels, 12"
+        message = r"is transposed \(--axes\).*give it as .npy of the shape .n_channels, 12"
         with pytest.raises(InputError, match=message):
             read_cube("turned.fits", axes="ra,dec,freq", flags="f.fits")
 
@@ -92,9 +92,9 @@ class TestAxes:
         with pytest.raises(InputError, match="a.fits does not state its frequencies"):
             read_cube("a.fits")
         uneven = read_cube("a.fits", freqs=MHZ + (np.arange(N_CHANNELS) == 3))
-        assert "no axis of an image states" in " ".join(uneven.remarks)
+        assert "which an image axis cannot state" in " ".join(uneven.remarks)
         cube = read_cube("a.fits", freqs=MHZ[::-1])
-        assert "no axis of an image states" not in " ".join(cube.remarks)
+        assert "which an image axis cannot state" not in " ".join(cube.remarks)
         assert np.array_equal(cube.maps.reshape(images.shape), images[::-1])
         with pytest.raises(InputError, match="a.fits.*20 channels, got 16.*--axes"):
             read_cube("a.fits", freqs=MHZ[:16])

@@ -107,7 +107,7 @@ class TestSaid:
         np.savetxt("nu.txt", FREQS)
         done = run("clean", "a.h5", *reading, "--method", "pca", "-p", "n_sources=2", "-o", "c.h5")
         for name in ("The truth", "t.npy"):
-            assert f"{name}: the file does not say the order of its pixels: assumed to be RING" in done.output
+            assert f"{name}: the file does not state the pixel order: assumed to be RING" in done.output
 
     def test_names_that_are_no_text(self):
         """Bytes that are no UTF-8: the cube is read and written, and its name shown in a way that can be."""
@@ -263,12 +263,12 @@ class TestValues:
         for value, said in ((1.0, False), (2.0, True)):
             axes = (*SKY["SIN"], FREQ, ("STOKES", value, 1.0, 1.0, ""))
             path = write_image(f"{value}.fits", images, axes=axes)
-            assert ("says STOKES = 2, and the intensity I is 1" in " ".join(read_cube(path).said)) == said
+            assert ("has STOKES = 2; the intensity I is 1" in " ".join(read_cube(path).said)) == said
 
     def test_axes_of_images_in_hdf5_are_theirs(self, rng):
         write_image("i.fits", power_law_images(rng))
         save_cleaned(clean_cube(read_cube("i.fits"), "pca", n_sources=2, peaks=False), "i.h5")
-        with pytest.raises(InputError, match="leave --axes and --freqs-name out"):
+        with pytest.raises(InputError, match="omit --axes and --freqs-name"):
             read_cube("i.h5", axes="ra,dec,freq")
 
 

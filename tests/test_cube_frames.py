@@ -130,7 +130,8 @@ class TestDiffer:
         file = {"flags": "flags.h5", "mocks": "truth.fits"}.get(name, f"{name}.fits")
         common = ["--method", "pca", "-p", "n_sources=1", "--keep-peaks", "-o", "c.fits"]
         output = run("clean", cube, f"--{name}", file, *common, code=2).output
-        assert f"{file} is Galactic (COORDSYS = G), of the cube celestial" in output and "--rotate" in output
+        said = f"{file} is Galactic (COORDSYS = G), that of the cube celestial"
+        assert said in output and "--rotate" in output
 
     @pytest.mark.parametrize("nest", [False, True])
     def test_masks_weights_and_flags_are_rotated(self, nest, maps, latitudes, files):
@@ -141,10 +142,10 @@ class TestDiffer:
         masked, galactic = read_cube("n.fits").masked("mask.fits", rotate=True), latitudes[1]
         sure = np.abs(galactic - 20) > 6
         assert sure.mean() > 0.7 and np.array_equal(masked.mask[sure], galactic[sure] > 20)
-        assert "rotated, Galactic to celestial" in " ".join(masked.remarks)
+        assert "rotated from Galactic to celestial" in " ".join(masked.remarks)
         assert np.array_equal(cube.mask, masked.mask)
         assert np.abs(cube.weights - galactic[masked.mask]).max() < 6
-        assert sum("rotated, Galactic to celestial" in remark for remark in cube.remarks) == 2
+        assert sum("rotated from Galactic to celestial" in remark for remark in cube.remarks) == 2
 
     def test_a_truth_is_rotated(self, cube, rng):
         """Maps of multipoles up to 2 nside, which healpy rotates as coefficients."""
@@ -172,7 +173,7 @@ class TestDiffer:
         """That of the cube counts for a mask that states none, and that of a mask for such a cube."""
         write("m.fits", np.ones(N_PIX), None)
         remarks = " ".join(read_cube(cube).masked("m.fits").remarks)
-        assert "m.fits does not state its frame: assumed as that of the cube, celestial" in remarks
+        assert "m.fits does not state its frame: assumed to be that of the cube, celestial" in remarks
         write("g.fits", np.ones(N_PIX), "G")
         masked = read_cube(write("none.fits", maps, None)).masked("g.fits")
         assert "the cube does not state its frame" in masked.remarks[0] and masked.layout.pixels.frame == "G"
@@ -198,10 +199,10 @@ class TestOfOneAnother:
     @pytest.mark.parametrize(
         ("truth", "mocks", "message"),
         [
-            ("G", ["C"], "that of 2.fits is celestial (COORDSYS = C), of the cube Galactic"),
-            ("G", ["E"], "that of 2.fits is ecliptic (COORDSYS = E), of the cube Galactic"),
+            ("G", ["C"], "that of 2.fits is celestial (COORDSYS = C), that of the cube Galactic"),
+            ("G", ["E"], "that of 2.fits is ecliptic (COORDSYS = E), that of the cube Galactic"),
             ((), ["C", "G"], "that of 2.fits is Galactic"),
-            ((), [(None, ("SPECSYS", "LSRK")), (None, ("SPECSYS", "CMB"))], "= LSRK, and has CMBDIPOL"),
+            ((), [(None, ("SPECSYS", "LSRK")), (None, ("SPECSYS", "CMB"))], "= LSRK, but has CMBDIPOL"),
         ],
     )
     def test_they_differ(self, truth, mocks, message, maps):
@@ -209,7 +210,7 @@ class TestOfOneAnother:
 
     def test_the_cube_gets_what_its_truth_states(self, maps):
         output = self.run(maps, truth=("G", ("SPECSYS", "LSRK")))
-        assert output.count("the cube does not state its frame: assumed as that of 0.fits, Galactic.") == 1
+        assert output.count("the cube does not state its frame: assumed to be that of 0.fits, Galactic.") == 1
         assert "spectral frame: assumed as that of 0.fits, LSRK" in output
         header = fits.getheader("c.fits", 1)
         assert (header["COORDSYS"], header["SPECSYS"]) == ("G", "LSRK")
@@ -217,7 +218,7 @@ class TestOfOneAnother:
     def test_spectral_frames_of_weights(self, maps):
         write("a.fits", maps, "C", extra_header=[("SPECSYS", "TOPOCENT")])
         write("w.fits", np.ones_like(maps), "C", extra_header=[("SPECSYS", "LSRK")])
-        with pytest.raises(InputError, match="w.fits must have the spectral frame .*TOPOCENT, and has LSRK"):
+        with pytest.raises(InputError, match="w.fits must have the spectral frame .*TOPOCENT, but has LSRK"):
             read_cube("a.fits", weights="w.fits")
 
 

@@ -123,7 +123,7 @@ class TestSuggestion:
         assert found.eigenvalues[n_components:] == pytest.approx(noise, abs=0.3)
         suggestion.write_suggestion(found, tmp_path / "a.html")
         page = (tmp_path / "a.html").read_text()
-        assert ("only voxels that are there count as samples" in page) == gaps
+        assert ("only observed voxels count as samples" in page) == gaps
 
     def test_weights_that_hardly_differ_are_none(self, rng, tmp_path):
         path = write_hdf5(tmp_path / "a.h5", power_law_maps(rng))
@@ -178,13 +178,13 @@ class TestSuggestion:
         page, weights, bad = (tmp_path / name for name in ("n.html", "w.npy", "f.npy"))
         words = ("--weights", weights, "--flags", bad, "--to", 4, "--keep-peaks", "--overwrite")
         done = run("suggest", path, *words, "-o", page)
-        assert "which fewer than 5 channels see" in done.output
+        assert "observed in fewer than 5 channels are excluded" in done.output
         assert "For pca, consider n_sources = 2, by both criteria." in done.output
         found = suggestion.suggest(cube.seen_in(5), n_sources=range(1, 5), peaks=False)
         for value in found.criterion:
             assert f"{value:.4f}" in done.output
         said = page.read_text()
-        assert "only voxels that are there" in said and said.count("<img alt=") == 1
+        assert "only observed voxels count" in said and said.count("<img alt=") == 1
 
 
 def test_rms_on_the_page_is_of_what_is_seen(cube, tmp_path):
@@ -214,6 +214,6 @@ def test_a_truth_that_sees_less_is_refused_with_the_way_out(gaps, flags, rng, tm
     flags[7] = flags[8]  # no dead channel
     cube = read_cube(write_hdf5(tmp_path / "cube.h5", maps), flags=flags if gaps else None)
     truth = read_cube(write_hdf5(tmp_path / "truth.h5", np.where(np.arange(N_PIX) < 9, np.nan, maps / 2)))
-    way_out = ", with any number in missing voxels, where it counts nothing" if gaps else ""
-    with pytest.raises(InputError, match=f"^the truth must see all pixels of the cube{way_out}\\.$"):
+    way_out = ", with any values in missing voxels, which are ignored" if gaps else ""
+    with pytest.raises(InputError, match=f"^the truth must cover all pixels of the cube{way_out}\\.$"):
         check_truth(cube, truth)

@@ -185,7 +185,7 @@ def test_what_was_written_is_read_again(kind, ending, tmp_path):
     if kind == "blind.fits":
         assert "1 of 9 channels have no data" in " ".join(read_cube(target).remarks)
     if kind == "beams.fits":
-        assert "holds BEAMS too, which is not used, but written again" in cube.remarks[0]
+        assert "also contains BEAMS, which is copied but not used" in cube.remarks[0]
         assert ending == "h5" or fits.getdata(target, "BEAMS")["BMAJ"].tolist() == [1] * 9
 
 

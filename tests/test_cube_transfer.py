@@ -117,7 +117,7 @@ class TestMade:
         assert bool(survey.box_size / survey.box_cells > 1.1 * depth) is coarse
         assert survey.box_cells <= 1024 and survey.box_cells >= 4 * NSIDE
         draw_mocks(fine, np.ones((24, 3 * NSIDE)), 1, tell=said.append)
-        assert len(said) == coarse and all("too little HI at large k" in one for one in said)
+        assert len(said) == coarse and all("HI power is too low at large k" in one for one in said)
 
     def test_beam_noise_and_seeds(self, cube):
         cube = replace(cube, freqs=WIDE)
@@ -377,10 +377,10 @@ class TestMeasured:
         """Of four times the power; two mocks are too few to tell; where nothing is lost it does no harm."""
         both, _ = corrected_by(cleaned, (blue(rng, scale) for _ in range(n_mocks)))
         remarks = " ".join(remarks_on(both))
-        assert ("not that of the mocks" in remarks) == said
+        assert ("differs from that of the mocks" in remarks) == said
         assert not said or re.search(r"C\(l\), l 5-9: 0\.2\d?\b", remarks)
         no_loss = {kind: replace(one, share=np.ones_like(one.share)) for kind, one in both.items()}
-        assert "not that of the mocks" not in " ".join(remarks_on(no_loss))
+        assert "differs from that of the mocks" not in " ".join(remarks_on(no_loss))
         assert both["angular"].expected[3:10] == pytest.approx(scale**2 / (6 + np.arange(7)), rel=0.3)
 
     def test_data_like_the_mocks_where_power_falls_steeply(self, cleaned, rng):
@@ -394,7 +394,7 @@ class TestMeasured:
             small = np.full_like(one.errors, 1e-3) * np.array([1, -1] * 3)[:, None]
             errors = {"errors": small, "sample": small, "systematic": 0 * steep}
             alike[kind] = replace(one, corrected=steep * ratio, expected=steep, **errors)
-        assert not any("not that of the mocks" in remark for remark in remarks_on(alike))
+        assert not any("differs from that of the mocks" in remark for remark in remarks_on(alike))
 
     def test_one_mock_has_no_error_bar(self, cleaned, rng):
         both, transfer = corrected_by(cleaned, [blue(rng)])
@@ -410,7 +410,7 @@ class TestMeasured:
     def test_of_another_cube(self, cleaned, cube, rng):
         transfer = measure_transfer(cleaned, [blue(rng)])
         other = by_pca(cube.within(first(0.5)))
-        with pytest.raises(InputError, match=f"of another cube, with {N_PIX} seen pixels"):
+        with pytest.raises(InputError, match=f"belongs to another cube, with {N_PIX} pixels"):
             correct(other, transfer, spectra_of(other))
 
     def test_no_room_for_mocks(self, cleaned, rng, monkeypatch):
@@ -418,7 +418,7 @@ class TestMeasured:
             raise OSError(28, "No space left on device")
 
         monkeypatch.setattr(np, "save", no_room)
-        with pytest.raises(InputError, match="the mocks cannot be kept in .*TMPDIR"):
+        with pytest.raises(InputError, match="the mocks cannot be stored in .*TMPDIR"):
             measure_transfer(cleaned, [blue(rng)], beams=BEAMS)
 
     def test_bins_of_a_mask_have_all_their_multipoles(self, cube, rng):
@@ -460,7 +460,7 @@ class TestMeasured:
         for mocks, message in (
             ([], "one or more, got none"),
             ([one, two[1:]], r"the cube, \(24, 3072\), got \(23, 3072\)"),
-            ([one, two, one.copy()], "must differ, and number 3 is one of those before"),
+            ([one, two, one.copy()], "must differ, but number 3 repeats an earlier one"),
         ):
             with pytest.raises(InputError, match=message):
                 measure_transfer(cleaned, mocks, beams=windows)
@@ -517,7 +517,7 @@ class TestCommands:
         words = ("--method", "pca", "-p", "n_sources=2", "--mocks", "mock0.h5", "--mocks", "mock1.h5")
         result = run("clean", "cube.h5", *words, "-o", "c.h5")
         assert "c.h5  c.html  c.csv  (" in result.stdout and HEADER_OF_TRUTH[-1] not in result.stdout
-        assert "The mocks have the foreground that pca estimated" in result.output
+        assert "The mocks have the foreground estimated by pca" in result.output
         page = Path("c.html").read_text()
         assert "Corrected spectra" in page and "fifths of the sky" in page
 

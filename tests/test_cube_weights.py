@@ -108,7 +108,8 @@ class TestReading:
         gaps = np.arange(24)[:, None] == np.arange(N_PIX) % 24
         maps[gaps] = np.nan
         write_hdf5("gaps.h5", maps)
-        with pytest.raises(InputError, match=r"gaps.h5: no pixel is seen in every .*\(parametric, pca, poly"):
+        said = r"gaps.h5: no pixel is observed in every .*\(parametric, pca, poly"
+        with pytest.raises(InputError, match=said):
             read_cube("gaps.h5")
         assert np.array_equal(read_cube("gaps.h5", scattered=True).missing, gaps)
         cube = read_cube("gaps.h5", weights=np.ones(N_PIX))
@@ -134,7 +135,7 @@ class TestReading:
         assert not any("apart" in remark for remark in cube.remarks)
         part = cube.within(kept)
         assert np.array_equal(part.freqs, np.delete(FREQS, 4))
-        assert any("1 channels have no data there" in remark for remark in part.remarks)
+        assert any("1 channels without data there are excluded" in remark for remark in part.remarks)
         assert said not in part.remarks and not any("voxels" in remark for remark in part.remarks)
         (uneven,) = (remark for remark in part.remarks if "MHz apart; P(k)" in remark)
 
@@ -148,7 +149,7 @@ class TestReading:
         assert fewer.mask.sum() == cube.mask.sum() - 2 and "2 pixels are left out" in fewer.remarks[-1]
         assert with_enough_channels(cube, PCA(n_sources=4)).mask.sum() == cube.mask.sum() - 4
         clean_cube(fewer, "pca", n_sources=4, peaks=False)
-        with pytest.raises(InputError, match="no pixel is seen in 25 channels or more"):
+        with pytest.raises(InputError, match="no pixel is observed in 25 channels or more"):
             cube.seen_in(25)
 
 
@@ -252,5 +253,5 @@ class TestImages:
         write_image("flags.fits", bad, axes=(*SKY["SIN"], DOWN))
         cube = read_cube("down.fits", flags="flags.fits")
         assert np.array_equal(cube.missing, flags[::-1].reshape(N_CHANNELS, -1))
-        with pytest.raises(InputError, match="must have the channels of the cube in the order of its own"):
+        with pytest.raises(InputError, match="must have the channels of the cube in the order of its file"):
             read_cube("cube.fits", flags="flags.fits")

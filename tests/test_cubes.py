@@ -60,7 +60,7 @@ def test_it_is_said_where_no_peak_can_be_masked(rng, n_channels, tmp_path):
     maps[:, :n_channels] += 1e6 * np.eye(n_channels)
     cube = read_cube(write_hdf5(tmp_path / "a.h5", maps, freqs))
     cleaned, kept = (clean_cube(cube, "polynomial", peaks=peaks) for peaks in (True, False))
-    said = f"In {n_channels} channels none can stand out by 5 standard deviations of them all: no peak is"
+    said = f"In {n_channels} channels no value can exceed 5 standard deviations of all: no peak is"
     assert [one.startswith(said) for one in cleaned.remarks] == [True] * (cleaned.flagged == 0)
     assert (cleaned.flagged > 0) == (n_channels > 29) and not kept.remarks
 

@@ -56,7 +56,7 @@ def test_no_more_at_once_than_the_memory_holds(lab, monkeypatch, at_once):
 @pytest.mark.parametrize("text", ["0", "-1", "two", "1.5"])
 def test_bad_number_of_processes(monkeypatch, text):
     monkeypatch.setenv(JOBS_VARIABLE, text)
-    with pytest.raises(InputError, match="HIMAP_JOBS must be a whole number of processes above 0"):
+    with pytest.raises(InputError, match="HIMAP_JOBS must be a positive number of processes"):
         n_jobs()
     monkeypatch.delenv(JOBS_VARIABLE)
     assert n_jobs() == 1

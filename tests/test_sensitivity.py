@@ -80,4 +80,4 @@ def test_command(path, tmp_path):
     assert ripple.startswith("ripple of 20 MHz") and "+0.01 %" in ripple
     assert files.startswith(str(page))
     text = page.read_text()
-    assert "How much depends on the beam?" in text and text.count("<img") == 1 and "+0.01 %" in text
+    assert "Sensitivity to the beam" in text and text.count("<img") == 1 and "+0.01 %" in text

@@ -83,7 +83,7 @@ def test_crime(columns, names, maps):
     write_crime(maps, names)
     write_crime_table("test_nuTable.dat", columns)
     said = ["24 channels from 902.5 to 1017.5 MHz, given by the edges of"]
-    said += ["Stokes Q and U in 24 of its files are left out."] * (len(names) - 1)
+    said += ["Stokes Q and U in 24 of its files are ignored."] * (len(names) - 1)
     check_read("crime", maps, *said, given_freqs="test_nuTable.dat", exact=True)
 
 

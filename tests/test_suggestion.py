@@ -48,11 +48,11 @@ FEW = {"n_sources": [1, 2], "criterion": [1, 0], "change": [1], "eigenvalues": n
     ("changed", "expected", "said"),
     [
         # The criterion, of what a method leaves, decides where spectra change little after its number.
-        (KNOWING, (4, 4), "consider n_sources = 4, by what this method leaves."),
+        (KNOWING, (4, 4), "consider n_sources = 4, by the residual of this method."),
         (KNOWING | {"change": [1, 0.3, 0.2, 0.02]}, (3, 4), "n_sources = 3 to 4, and look at the page"),
         (VIEWS, (3, 4), "n_sources = 3 to 4, and look at the page"),
         # Where it still falls it is not said that no number is stable: the table has one that is.
-        (FALLING | {"n_bright": 7}, None, "The criterion still falls at 5, the last number"),
+        (FALLING | {"n_bright": 7}, None, "The criterion still falls at 5, the last tested number"),
         (FALLING | {"n_bright": 2}, (2, 5), "The criterion still falls at 5"),
         (
             FALLING | {"n_bright": 7, "criterion": [1, 0, 1, 2, 3]},
@@ -67,7 +67,7 @@ FEW = {"n_sources": [1, 2], "criterion": [1, 0], "change": [1], "eigenvalues": n
         (
             EVEN | {"n_sources": range(5, 9), "stable": 5, "n_bright": 2},
             (5, 5),
-            "5, the smallest that was tried",
+            "5, the smallest tested number",
         ),
         (
             EVEN | {"n_sources": range(1, 5), "stable": 1, "n_bright": 0},
@@ -124,7 +124,7 @@ class TestSuggestion:
         beams = beams_of(cube, "oscillating")
         found = suggestion.suggest(cube, "beam_subspace", n_sources=range(1, 7), beams=beams)
         assert found.n_bright > found.best and found.range == (found.best, found.best)
-        advice = f"consider n_sources = {found.best}, by what this method leaves."
+        advice = f"consider n_sources = {found.best}, by the residual of this method."
         assert advice in suggestion.advice(found)
 
     def test_where_nothing_is_stable_it_says_so(self, rng, tmp_path):

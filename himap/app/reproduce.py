@@ -43,7 +43,7 @@ _KERNEL_OPTIONS = ["--log-level=CRITICAL", "--IPKernelApp.ignore_cwd=True"]
 _ABOUT_ITSELF = """import json
 from himap.store.provenance import environment
 print(json.dumps(environment()))"""
-_EDITED = "edited in Jupyter, unlike its .py"
+_EDITED = "edited in Jupyter, differs from its .py"
 _TEXT_CHANGED = "its text changed"
 _LOOKS_CHANGED = "only its looks changed"
 

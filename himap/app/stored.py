@@ -109,7 +109,7 @@ def other_records(about, folder=RESULTS):
 
 
 def _judgements(record, made):
-    """Yield (difference from `made`, {claim: `Entry`}) of each reading in a record, without common settings."""
+    """Yield (difference from `made`, {claim: `Entry`}) of each reading in a record, if not in common."""
     usual, words, changed = record_words(made), record_words(record.made), dict(record.made.overrides)
     if words["method"] != usual["method"]:  # not relevant for SDecGMCA
         return

@@ -20,7 +20,7 @@ N_PARTS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:
-    """Observed pixels of a cleaned cube, divided by the brightness of its foreground, faintest first.
+    """Observed pixels of a cleaned cube, grouped by the brightness of its foreground, faintest first.
 
     Attributes
     ----------

@@ -121,7 +121,7 @@ def clean_cube(cube, method, *, beams=None, peaks=True, restarts=None, seed=2025
 
 
 def cleaning_of(cube, method, beams=None, *, peaks=True, seed=2025):
-    """The `CleanedCube` by a `ForegroundRemover`; parameters and errors as of `clean_cube`.
+    """The `CleanedCube` by a `ForegroundRemover`; parameters and errors as in `clean_cube`.
 
     The separation is computed when first needed; peaks are masked now.
     """

@@ -117,7 +117,7 @@ def correct(cleaned, transfer, spectra, truth=None):
     n_seen = sum(map(len, transfer.parts.pixels))
     if (n_seen, transfer.powers.shape[-1]) != (cleaned.cube.maps.shape[1], len(spectra.frequency.k)):
         raise InputError(
-            f"the transfer function belongs to another cube, with {n_seen} seen pixels and "
+            f"the transfer function belongs to another cube, with {n_seen} pixels and "
             f"{transfer.powers.shape[-1]} values of P(k): measure it for this one (measure_transfer)."
         )
     shown = {"angular": (spectra.angular.degrees, spectra.angular.mean)}

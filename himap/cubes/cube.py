@@ -97,7 +97,7 @@ class Cube:
         return float((self.freqs[-1] - self.freqs[0]) / (len(self.freqs) - 1))
 
     def masked(self, path, *, rotate=False):
-        """The cube `within` the mask in a file; errors also as of `himap.cubes.weights.read_mask`."""
+        """The cube `within` the mask in a file; errors also as in `himap.cubes.weights.read_mask`."""
         mask, layout = read_mask(path, self.layout, rotate=rotate)
         return replace(self, layout=layout).within(mask)
 

@@ -149,5 +149,5 @@ def _container_axes(file, maps):
         )
     others = ", ".join(name for name in names if name != "I")
     stated = {"freqs": freqs.astype(float), "freqs_from": f"{_MAP_FREQS} of the container"}
-    stated["remarks"] = (f"Of the polarisations {others} are left out.",) if others else ()
+    stated["remarks"] = (f"The polarisations {others} are ignored.",) if others else ()
     return (slice(None), names.index("I")), stated

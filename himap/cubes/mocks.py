@@ -80,9 +80,7 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None, tell=None):
     """
     whole_number("the number of mocks", n_mocks, 1, 10_000)
     if beams is None:
-        raise InputError(
-            "mocks need the beam of the cube; give it (beams=, --beam), or mocks of your own."
-        )
+        raise InputError("mocks need the beam of the cube; give it (beams=, --beam), or your own mocks.")
     beams = checked_beams("beams", beams, len(cube.freqs))
     sigma = checked_noise("noise", noise, len(cube.freqs))
     survey = mock_survey(cube)
@@ -91,7 +89,7 @@ def draw_mocks(cube, beams, n_mocks, *, noise=None, tell=None):
     if tell and cell > _DEEP * depth:
         tell(
             f"Channels are {depth:.2g} Mpc/h deep, and the cells of the mocks, {survey.box_cells} per side, "
-            f"{cell:.2g}: HI power is too low at large k; give mocks of your own (--mocks FILE)."
+            f"{cell:.2g}: HI power is too low at large k; give your own mocks (--mocks FILE)."
         )
 
     def mock(rng):
@@ -127,7 +125,7 @@ def mock_survey(cube):
         steps = np.diff(cube.freqs)
         raise InputError(
             f"mocks need evenly spaced channels, but the spacing is {steps.min():g} to {steps.max():g} "
-            "MHz; give mocks of your own (--mocks FILE)."
+            "MHz; give your own mocks (--mocks FILE)."
         )
     half = float(freqs[-1] - freqs[0]) / (len(freqs) - 1) / 2
     low, high = float(freqs[0]) - half, float(freqs[-1]) + half
@@ -139,4 +137,4 @@ def mock_survey(cube):
         cells = max(4 * cube.nside, 2 * fft.next_fast_len(math.ceil(size / depth / 2), real=True))
         return Survey(**options, box_cells=int(np.clip(cells, *_CELLS)), box_size=size)
     except InputError as error:
-        raise InputError(f"no mocks can be made for this cube: {error} Give mocks of your own.") from None
+        raise InputError(f"no mocks can be made for this cube: {error} Give your own mocks.") from None

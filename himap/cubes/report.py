@@ -133,7 +133,7 @@ def _head(cleaned, said):
     facts = {
         "method": ", ".join([method.name, *parameters]),
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
-        "sky": f"{pixels.described(cube.layout.unit)}; {cube.mask.mean():.1%} seen",
+        "sky": f"{pixels.described(cube.layout.unit)}; {cube.mask.mean():.1%} observed",
         "rms of the input": f"{rms_before:.4g} mK",
         "rms of the residual": f"{rms_after:.4g} mK",
         "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was estimated",

@@ -110,7 +110,7 @@ def patch_power(cube, maps):
     Parameters
     ----------
     cube, maps
-        A `Cube`, and maps of its seen pixels, (n_channels, n_seen), mK.
+        A `Cube`, and maps of its observed pixels, (n_channels, n_seen), mK.
 
     Returns
     -------

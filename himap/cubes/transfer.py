@@ -140,7 +140,7 @@ def _analysed(cube, parts, mocks):
         mock = checked_cube("a mock", mock)
         if mock.shape != cube.maps.shape:
             raise InputError(
-                f"a mock must have the channels and seen pixels of the cube, {cube.maps.shape}, got "
+                f"a mock must have the channels and observed pixels of the cube, {cube.maps.shape}, got "
                 f"{mock.shape}."
             )
         seen = cube.without_gaps(mock)

@@ -22,9 +22,7 @@ WEIGHTS = (
     option("--flags", metavar="FILE", help="1 where a voxel is bad."),
 )
 MOCKS = (
-    option(
-        "--mocks", metavar="N|FILE", multiple=True, help="Mocks to correct spectra: a number, or a file."
-    ),
+    option("--mocks", metavar="N|FILE", multiple=True, help="Mocks to correct spectra: a number, or a file."),
     option("--mock-noise", type=float, metavar="MK", help="Noise per pixel of N mocks."),
     *WEIGHTS,
 )

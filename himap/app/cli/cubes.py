@@ -212,9 +212,7 @@ def _mocks(cube, beams, asked):
     _ = cube.nside  # refuses images in the plane
     if numbers:
         if noise is None:
-            tell(
-                asked, "The mocks have no noise: without --mock-noise, noise of CUBE counts as foreground."
-            )
+            tell(asked, "The mocks have no noise: without --mock-noise, noise of CUBE counts as foreground.")
         said = functools.partial(tell, asked)
         return draw_mocks(cube, beams, int(numbers[0]), noise=noise, tell=said)
     if noise is not None:
