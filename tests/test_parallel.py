@@ -65,7 +65,7 @@ def test_bad_number_of_processes(monkeypatch, text):
 def test_a_process_that_is_killed_is_one_clear_error(lab, monkeypatch):
     monkeypatch.setenv(JOBS_VARIABLE, "2")
     get_reusable_executor().shutdown()  # so that new ones find the module
-    with pytest.raises(InputError, match=r"one of 2 processes died of signal 9 \(SIGKILL\) as it made dying"):
+    with pytest.raises(InputError, match=r"2 processes died of signal 9 \(SIGKILL\) while computing dying"):
         make_all([(lab.dying, (1,)), (lab.dying, (2,))], "test")
     assert make_all([(lab.slow, (1,)), (lab.slow, (2,))], "test") == 2
 

@@ -109,7 +109,7 @@ class TestContainers:
     def test_intensity_by_its_name_alone(self, pols, maps):
         write_cora(maps, pols=pols)
         cube = check_read("map.h5", maps, unit="K")
-        assert any("left out" in remark for remark in cube.remarks) == (len(pols) > 1)
+        assert any("ignored" in remark for remark in cube.remarks) == (len(pols) > 1)
 
     def test_plain_frequencies_and_other_maps(self, maps):
         """Which of several is meant can be said."""
