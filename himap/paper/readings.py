@@ -201,15 +201,13 @@ def ranked_candidates(counts):
     return sorted(ranked, key=lambda row: (-round(row[1], 9), row[2]))
 
 
-def shares_first(counts, n_resamples=2000):
-    """Share of bootstrap resamples of the skies in which each candidate has the highest mean count.
+def shares_first(counts):
+    """Share of 2000 bootstrap resamples of the skies in which each candidate has the highest mean count.
 
     A Series by label, from `statement_counts`: NaN if it is not known on every sky; candidates with equal
     counts share a resample.
     """
-    weights = np.random.default_rng(0).multinomial(
-        len(counts), np.full(len(counts), 1 / len(counts)), n_resamples
-    )
+    weights = np.random.default_rng(0).multinomial(len(counts), np.full(len(counts), 1 / len(counts)), 2000)
     known = counts.dropna(axis=1)
     means = weights @ known.to_numpy()
     first = np.isclose(means, means.max(axis=1, keepdims=True))
