@@ -1,6 +1,7 @@
 """The posterior of the foreground of a cube, given mocks of HI and noise, and draws from it."""
 
 from dataclasses import dataclass, replace
+from itertools import repeat
 
 import numpy as np
 from scipy.stats import wishart
@@ -12,6 +13,7 @@ from himap.maps.low_rank import LowRankCube
 from himap.removal import harmonic
 from himap.removal.smooth_spectra import (
     FilteredSeparation,
+    degrees_of,
     faint_covariance,
     multipole_bands,
     signal_variance,
@@ -23,7 +25,6 @@ from himap.removal.spectral_filter import (
     SpectralFilter,
     combined,
     estimated,
-    filtered,
     on_sky,
 )
 
@@ -39,12 +40,12 @@ def products_of(fields, lmax):
     `fields` are of HI and noise alone: coefficients (n_channels, n_alm), mK, seen through the beam, less
     channel means.
     """
-    edges, products, n_fields = multipole_bands(lmax), 0, 0
+    bands, products, n_fields = [degrees_of(band) for band in multipole_bands(lmax)], 0, 0
     for field in fields:
         n_fields += 1
-        bands = (harmonic.to_modes(field, max(first, 1), last) for first, last in edges)
-        products = products + np.array([modes @ modes.T for modes in bands])
-    n_modes = [(last + 1) ** 2 - max(first, 1) ** 2 for first, last in edges]
+        parts = (harmonic.to_modes(field, degrees[0], degrees[-1]) for degrees in bands)
+        products = products + np.array([modes @ modes.T for modes in parts])
+    n_modes = [sum(2 * degree + 1 for degree in degrees) for degrees in bands]
     return products / n_fields / np.array(n_modes)[:, None, None]
 
 
@@ -121,7 +122,10 @@ class SmoothForeground:
             drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
             out += _root(mixed @ uncertain @ mixed.T) @ drawn
         low_rank = on_sky(combined(sources, spaces, FINE), sphere.nside_of(beyond))
-        return _of_filter(linear, low_rank + LowRankCube(spectra=spaces[-1], maps=beyond), data)
+        low_rank += LowRankCube(spectra=spaces[-1], maps=beyond)
+        return FilteredSeparation(
+            mixing=low_rank.spectra, sources=low_rank.maps, low_rank=low_rank, filter=linear, means=data.means
+        )
 
     def _filter(self, data):
         """The Wiener filter that gives the mean of the foreground given the data, a `SpectralFilter`."""
@@ -151,17 +155,22 @@ class SmoothForeground:
         """
         linear = self._filter(data)
         known = zip(linear.spectra, linear.estimators, linear.uncertain, strict=True)
-        pairs = zip(known, _removed(separation, beams, len(linear.spectra)), strict=False)
-        for degree, ((spectra, estimator, uncertain), (removed, fit)) in enumerate(pairs):
+        # The residual is 1 - W_l G_l times the data; W_l and G_l are `removed` and `fits`.
+        if isinstance(separation, FilteredSeparation):
+            removed, fits = separation.filter.spectra, separation.filter.estimators
+        elif beams is None:
+            fixed = separation.foreground.spectra
+            removed, fits = repeat(fixed), repeat(np.linalg.pinv(fixed, rcond=RANK))
+        else:
+            seen = (beams / beams.max(axis=0)).T[: len(linear.spectra)]  # so that no l is 0
+            removed = seen[:, :, None] * separation.mixing
+            fits = np.linalg.pinv(removed, rcond=RANK)
+        pairs = zip(known, removed, fits, strict=False)
+        for degree, ((spectra, estimator, uncertain), removed, fit) in enumerate(pairs):
             mean = estimator @ data.modes.at(degree)
             root = _root(mean @ mean.T / (2 * degree + 1) + uncertain)
             # Means are subtracted.
             yield (spectra - removed @ (fit @ spectra)) @ root * bool(degree)
-
-    def mean(self, data):
-        """The mean of the foreground given the data, and the filter that gives it, a `FilteredSeparation`."""
-        linear = self._filter(data)
-        return _of_filter(linear, filtered(linear.spectra, linear.estimators, data.project, data.modes), data)
 
 
 def foreground_given(data, products, n_mocks=1):
@@ -214,8 +223,7 @@ def _amplitudes(modes, band, seen, freqs, product):
     dependence of HI power on k, but not its level. Amplitudes follow by least squares weighted with C^-1,
     the HI and noise in them from that product. Without foreground the covariance is near 1.
     """
-    degrees = range(max(band[0], 1), band[1] + 1)
-    blocks = [(np.array(modes.at(degree)), seen[degree]) for degree in degrees]
+    blocks = [(np.array(modes.at(degree)), seen[degree]) for degree in degrees_of(band)]
     power, expected, noise, total, n_modes = 0, 0, 0, 0, 0
     for data, spectra in blocks:
         smooth = np.linalg.qr(spectra)[0]
@@ -267,25 +275,7 @@ def _axes(roots, totals, n_modes, n_exact):
     return [np.pad(one, ((0, 0), (0, n_axes - one.shape[1]))) for one in several]
 
 
-def _removed(separation, beams, n_degrees):
-    """W_l and G_l of a `Separation` for each l in turn; its residual is 1 - W_l G_l times the data."""
-    if isinstance(separation, FilteredSeparation):
-        return zip(separation.filter.spectra, separation.filter.estimators, strict=True)
-    if beams is None:
-        spectra = separation.foreground.spectra
-        return [(spectra, np.linalg.pinv(spectra, rcond=RANK))] * n_degrees
-    seen = (beams / beams.max(axis=0)).T[:n_degrees, :, None] * separation.mixing  # so that no l is 0
-    return zip(seen, np.linalg.pinv(seen, rcond=RANK), strict=True)
-
-
 def _root(covariance):
     """The symmetric root of a covariance, (n, n)."""
     values, turn = np.linalg.eigh(covariance)
     return (turn * np.sqrt(np.maximum(values, 0))) @ turn.T
-
-
-def _of_filter(linear, low_rank, data):
-    """The `FilteredSeparation` of a foreground `low_rank`, a `LowRankCube`, made by a `SpectralFilter`."""
-    return FilteredSeparation(
-        mixing=low_rank.spectra, sources=low_rank.maps, low_rank=low_rank, filter=linear, means=data.means
-    )

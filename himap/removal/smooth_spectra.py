@@ -84,15 +84,15 @@ class SmoothSpectra(ForegroundRemover):
         seen = smooth_seen(data, self.n_smooth)
         share = 1 if data.inside is None else data.inside.mean()
         edges, bands = multipole_bands(len(seen) - 1), []
-        for first, last in progress(edges, self.name):
-            inside = slice(max(first, 1), last + 1)  # means are subtracted
-            blocks = [np.array(modes.at(degree)) for degree in range(inside.start, inside.stop)]
+        for band in progress(edges, self.name):
+            degrees = degrees_of(band)
+            blocks = [np.array(modes.at(degree)) for degree in degrees]
             try:
-                bands.append(_settled(blocks, seen[inside], freqs, rounding, self.n_sources, share))
+                bands.append(_settled(blocks, seen[degrees], freqs, rounding, self.n_sources, share))
             except np.linalg.LinAlgError:
                 raise InputError(
                     f"HI and {self.n_smooth} smooth functions cannot be separated over "
-                    f"{freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels, at l from {first}; take "
+                    f"{freqs[-1] - freqs[0]:.4g} MHz in {len(freqs)} channels, at l from {band[0]}; take "
                     f"fewer, such as n_smooth={max(2, self.n_sources, self.n_smooth // 2)}, a wider band, or "
                     "another method."
                 ) from None
@@ -189,6 +189,12 @@ def multipole_bands(lmax):
         del edges[-2]
     edges[-1] = lmax + 1
     return [(low, high - 1) for low, high in zip(edges[:-1], edges[1:], strict=True)]
+
+
+def degrees_of(band):
+    """The l of a band that have modes: means are subtracted, so l = 0 has none."""
+    first, last = band
+    return range(max(first, 1), last + 1)
 
 
 def shrunk_variance(values, ratio):
