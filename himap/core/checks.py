@@ -40,19 +40,16 @@ def checked_cube(label, maps, *, min_channels=1, kept=None):
     if maps.dtype != np.float32:
         maps = maps.astype(np.float64, copy=False)
     rows = np.broadcast_to(True if kept is None else kept, maps.shape)
-    n_bad = sum(map(_count_bad, maps, rows))
+    n_bad = 0
+    for pixels, inside in zip(maps, rows, strict=True):
+        if not (pixels.min() > -_LARGEST and pixels.max() < _LARGEST):  # so too if there is a NaN
+            n_bad += np.count_nonzero(~(np.abs(pixels) < _LARGEST) & inside)
     if n_bad:
         raise InputError(
             f"{label} must be finite everywhere, got {n_bad} NaN, infinite or UNSEEN pixels; fill or cut "
             "them first."
         )
     return maps
-
-
-def _count_bad(pixels, kept):
-    if pixels.min() > -_LARGEST and pixels.max() < _LARGEST:  # False if there is a NaN
-        return 0
-    return int(np.count_nonzero(~(np.abs(pixels) < _LARGEST) & kept))
 
 
 def in_mhz(freqs):

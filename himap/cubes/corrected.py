@@ -128,12 +128,6 @@ def correct(cleaned, transfer, spectra, truth=None):
     return {kind: _corrected(kind, cleaned, transfer, shown[kind], true[kind]) for kind in shown}
 
 
-def _ends(middles):
-    """Ends of adjacent bins of l from l = 0, with equal weights of all l, (2, n)."""
-    ends = [*accumulate(middles, lambda end, middle: 2 * middle - end, initial=-0.5)]
-    return np.array([ends[:-1], ends[1:]])
-
-
 def _averages(kind, cube, n_degrees, bins, known):
     """Function from relative errors (n, n_l or n_k), and the powers they refer to, to those in bins.
 
@@ -157,7 +151,11 @@ def _corrected(kind, cleaned, transfer, shown, true):
     known = slice(2, None) if kind == "angular" else slice(1, None)
     known_at = (transfer.degrees if kind == "angular" else transfer.k)[known]
     inside = (x >= known_at[0]) & (x <= known_at[-1])
-    low, high = _ends(x) if kind == "angular" else (x - (x[1] - x[0]) / 2, x + (x[1] - x[0]) / 2)
+    if kind == "angular":  # bins follow each other from l = 0 on, and in each every l counts the same
+        ends = np.array([*accumulate(x, lambda end, middle: 2 * middle - end, initial=-0.5)])
+        low, high = ends[:-1], ends[1:]
+    else:
+        low, high = x - (x[1] - x[0]) / 2, x + (x[1] - x[0]) / 2
     bins = (known_at > low[inside, None]) & (known_at < high[inside, None])
     bins = bins / np.maximum(bins.sum(axis=1, keepdims=True), 1)
     residual_power, share = getattr(transfer.residual, kind), getattr(transfer, kind)

@@ -232,11 +232,27 @@ def _note(entries):
 
 
 def _cell(name, entry):
-    """The number with its tolerance, and the unit, of an entry, as texts."""
+    """The number, to the second digit of its tolerance and with that, and the unit of an entry, as texts."""
     number, tolerance, unit = _parsed(name, entry)
     if isinstance(entry, Marked):
         return f"{number.replace(' ', _JOINT)}{_SIGN}", unit  # so that `agree` sees where it begins
-    return number if tolerance is None else _with_tolerance(float(entry[0]), tolerance), unit
+    if tolerance is None:
+        return number, unit
+    value = float(entry[0])
+    if not math.isfinite(value):
+        return f"{value} ± {tolerance:.1e}", unit
+    exponent = _exponent(tolerance)
+    if exponent < -5 or exponent > 5:
+        size = math.floor(math.log10(abs(value))) if value else exponent
+        decimals, kind, stated = max(size - exponent + 1, 1), "e", f"{tolerance:.1e}"
+    else:
+        decimals, kind = max(1 - exponent, 0), "f"
+        stated = f"{tolerance:.{decimals}f}"
+    # More digits where rounding these by `_rounded` would differ from rounding the value.
+    rounded = _rounded(value, tolerance)
+    texts = (f"{value:.{n}{kind}}" for n in count(decimals))
+    text = next(text for text in texts if _rounded(float(text), tolerance) == rounded)
+    return f"{text} ± {stated}", unit
 
 
 def _parsed(name, entry):
@@ -274,25 +290,6 @@ def _rounded(value, tolerance):
         return f"{value:,.{decimals}f}" if abs(value) >= 1e4 else f"{value:.{decimals}f}"
     size = _exponent(value, 12)
     return f"{value / 10.0**size:.{size - last}f} × 10{str(size).translate(_SUPERSCRIPTS)}"
-
-
-def _with_tolerance(value, tolerance):
-    """Round `value` to the second digit of the tolerance, which is also shown to two digits.
-
-    More digits are shown if rounding these by `_rounded` would differ from rounding the value.
-    """
-    if not math.isfinite(value):
-        return f"{value} ± {tolerance:.1e}"
-    exponent = _exponent(tolerance)
-    if exponent < -5 or exponent > 5:
-        size = math.floor(math.log10(abs(value))) if value else exponent
-        decimals, kind, stated = max(size - exponent + 1, 1), "e", f"{tolerance:.1e}"
-    else:
-        decimals, kind = max(1 - exponent, 0), "f"
-        stated = f"{tolerance:.{decimals}f}"
-    rounded = _rounded(value, tolerance)
-    texts = (f"{value:.{n}{kind}}" for n in count(decimals))
-    return f"{next(text for text in texts if _rounded(float(text), tolerance) == rounded)} ± {stated}"
 
 
 def _exponent(value, decimals=1):

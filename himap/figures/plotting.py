@@ -43,19 +43,6 @@ def mollweide(n_columns=720):
     return np.rad2deg(lon), np.rad2deg(lat)
 
 
-def _patch(box):
-    """Like `mollweide`, for an image of a box, right ascension to the left; also options of `Axes.imshow`."""
-    from astropy.coordinates import SkyCoord  # slow, and most figures do not need it
-
-    (left, right), (low, high) = box
-    aspect = 1 / np.cos(np.deg2rad(np.mean(box[1])))  # a degree of declination over one of right ascension
-    n_columns = int(_N_ROWS * (right - left) / aspect / (high - low))
-    x, y = (np.arange(n) + 0.5 for n in (n_columns, _N_ROWS))
-    ra, dec = np.meshgrid(right - (right - left) * x / n_columns, low + (high - low) * y / _N_ROWS)
-    places = SkyCoord(np.mod(ra, 360), dec, unit="deg").galactic
-    return places.l.deg, places.b.deg, {"extent": (right, left, low, high), "aspect": aspect, "pad": 0.03}
-
-
 @drawn(CURVES | {"axes.grid": False})
 def sky_maps(maps, *, box=None, columns=2, unit="mK", log=False, limits=None, span=None, diverging=False):
     """A figure of maps, {title: (n_pix,)}; each has a colour bar.
@@ -79,8 +66,19 @@ def sky_maps(maps, *, box=None, columns=2, unit="mK", log=False, limits=None, sp
         {key: each.get(title) if isinstance(each, dict) else each for key, each in options.items()}
         for title in maps
     ]
-    view = (*mollweide(), {"extent": (-2, 2, -1, 1), "pad": 0.02}) if box is None else _patch(box)
-    room, dpi = (0.6, 80) if box is None else (1.2, 100)
+    if box is None:
+        view, room, dpi = (*mollweide(), {"extent": (-2, 2, -1, 1), "pad": 0.02}), 0.6, 80
+    else:
+        from astropy.coordinates import SkyCoord  # slow, and most figures do not need it
+
+        (left, right), (low, high) = box
+        aspect = 1 / np.cos(np.deg2rad((low + high) / 2))  # a degree of declination over one of RA
+        n_columns = int(_N_ROWS * (right - left) / aspect / (high - low))
+        x, y = (np.arange(n) + 0.5 for n in (n_columns, _N_ROWS))
+        ra, dec = np.meshgrid(right - (right - left) * x / n_columns, low + (high - low) * y / _N_ROWS)
+        places = SkyCoord(np.mod(ra, 360), dec, unit="deg").galactic
+        frame = {"extent": (right, left, low, high), "aspect": aspect, "pad": 0.03}
+        view, room, dpi = (places.l.deg, places.b.deg, frame), 1.2, 100
     height = room + 4.6 * view[0].shape[0] / view[0].shape[1]
     figure, grid = subplots(len(maps), min(columns, len(maps)), (4.6, height), dpi=dpi)
     for axes, (title, pixels), look in zip(grid, maps.items(), chosen, strict=True):

@@ -88,7 +88,17 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
     path = regular_file(path)
     quiet = catch_warnings(action="ignore", category=AstropyWarning)  # harmless, or followed by an error
     with reading(path, "HEALPix maps in FITS"), quiet, fits.open(path, memmap=False) as file:
-        table = _only_table(file, first=n_maps is not None)
+        tables = [hdu for hdu in file if isinstance(hdu, fits.BinTableHDU)]
+        if not tables:
+            raise InputError("there is no table of maps; images in the plane are none.")
+        lasts = [hdu.columns.dtype[-1].shape for hdu in tables]
+        sizes = [hdu.header["NAXIS2"] * math.prod(shape) for hdu, shape in zip(tables, lasts, strict=True)]
+        if sizes.count(sizes[0]) > 1 and n_maps is None:
+            raise InputError(
+                f"there are maps in {sizes.count(sizes[0])} tables; write them as columns of one, as "
+                "healpy.write_map(path, maps) does."
+            )
+        table = tables[0]
         for one in (file[0], table):
             one.verify("silentfix+ignore")  # fixes nonstandard cards
         header = {**file[0].header, **table.header}
@@ -113,21 +123,6 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
 def card_text(header, key):
     """The text of a card, None if it is absent or has no value."""
     return None if header.get(key) is None else str(header[key]).strip() or None
-
-
-def _only_table(file, *, first):
-    """The table of maps of an open FITS file; with `first`, the first of several."""
-    tables = [hdu for hdu in file if isinstance(hdu, fits.BinTableHDU)]
-    if not tables:
-        raise InputError("there is no table of maps; images in the plane are none.")
-    lasts = [hdu.columns.dtype[-1].shape for hdu in tables]
-    sizes = [hdu.header["NAXIS2"] * math.prod(shape) for hdu, shape in zip(tables, lasts, strict=True)]
-    if sizes.count(sizes[0]) > 1 and not first:
-        raise InputError(
-            f"there are maps in {sizes.count(sizes[0])} tables; write them as columns of one, as "
-            "healpy.write_map(path, maps) does."
-        )
-    return tables[0]
 
 
 def _maps_of(hdu, header, columns, partial, held, letters):

@@ -103,12 +103,6 @@ def _geometry(nside):
     return ducc0.healpix.Healpix_Base(nside, "RING").sht_info()
 
 
-def _rings_of(nside, pixels):
-    """The rings of `_geometry` that contain some pixels, given by their indices."""
-    numbers = np.unique(hp.pix2ring(nside, pixels)) - 1
-    return {name: values[numbers] for name, values in _geometry(nside).items()}
-
-
 def synthesise(alm, nside):
     """Synthesise maps from harmonic coefficients: (..., n_alm) to (..., n_pix), float32 for complex64."""
     alm = np.asarray(alm)
@@ -134,7 +128,10 @@ def analyse(maps, lmax=None, *, n_iter=N_ITER, pixels=None):
     flat = maps.reshape(-1, maps.shape[-1])
     real = np.float32 if maps.dtype == np.float32 else np.float64
     alms = np.zeros((len(flat), alm_size(lmax)), dtype=np.result_type(real, 1j))
-    rings = _geometry(nside) if pixels is None else _rings_of(nside, pixels)
+    rings = _geometry(nside)
+    if pixels is not None:
+        numbers = np.unique(hp.pix2ring(nside, pixels)) - 1
+        rings = {name: values[numbers] for name, values in rings.items()}
     rows = progress(flat, "analysis") if len(flat) > 1 else flat
     for row, alm in zip(rows, alms, strict=True):
         for turn in range(n_iter + 1):

@@ -168,14 +168,12 @@ class Assessment:
     diagnostics: dict | None = None
 
 
-def _mean_ratio(recovered, true):
-    mean = true.mean(axis=0)
-    return mean * ratio(recovered, true).mean(axis=0), mean
-
-
 AVERAGES = {
     "means": lambda recovered, true: (recovered.mean(axis=0), true.mean(axis=0)),
-    "ratios": _mean_ratio,
+    "ratios": lambda recovered, true: (
+        true.mean(axis=0) * ratio(recovered, true).mean(axis=0),
+        true.mean(axis=0),
+    ),
     "middle": lambda recovered, true: (recovered[len(true) // 2], true[len(true) // 2]),
 }
 """{average over channels: function from recovered and true C_l (n_channels, n_l) to one of each, (n_l,)}.

@@ -143,25 +143,14 @@ _CHOSEN_METHODS = (
 )
 
 
-def _call_of(product, arguments, shown=None):
-    shown = shown or _SHOWN.get(product, lambda result: result)
+def _call_of(product, arguments):
+    shown = _SHOWN.get(product, lambda result: result)
     return lambda: shown(product.compute(*arguments))
 
 
 def _separated(separation):
     """The foreground, and the size of its spectra; the signs of eigenvectors are arbitrary."""
     return separation.foreground.cube(), np.abs(separation.mixing), separation.lmax
-
-
-def _assessed(assessment):
-    """Spectra of the residual, at the level of HI; without length and diagnostics of an iteration."""
-    return replace(assessment, mixing=np.abs(assessment.mixing), n_iterations=0, diagnostics=None)
-
-
-def _spectra_of_member(numbers):
-    """Omit the condition number and the changes of an iteration that does not converge."""
-    iterated = ("condition", "change", "converged")
-    return {name: list(values.values()) for name, values in numbers.items() if name not in iterated}
 
 
 def _columns_of(rows):
@@ -173,14 +162,19 @@ def _columns_of(rows):
     }
 
 
+_ITERATED = ("condition", "change", "converged")  # of an iteration that does not converge
 _SHOWN = {
     authors.first_mixings: np.abs,
-    authors.member: _spectra_of_member,
-    cleaned.assessment: _assessed,
+    authors.member: lambda numbers: {
+        name: list(values.values()) for name, values in numbers.items() if name not in _ITERATED
+    },
+    # Spectra of the residual, at the level of HI; without length and diagnostics of an iteration.
+    cleaned.assessment: lambda one: replace(one, mixing=np.abs(one.mixing), n_iterations=0, diagnostics=None),
     cleaned.fit: lambda fit: fit.mixing @ fit.sources,  # whose signs are fixed
     cleaned.separation: _separated,
     masked.separation: _separated,
     choice.eigenvalues: lambda eigenvalues: eigenvalues[:6],  # those above the rounding of the maps
+    **dict.fromkeys((one.measure for one in _EXPERIMENTS), _columns_of),
 }
 
 
@@ -199,10 +193,6 @@ _BEAMS = {name: partial(beams.create(name).of_survey, SURVEY) for name in _NAMES
 _BEAMS |= {beams.FromFile.name: _beam_of_file, _PERTURBED.name: partial(_PERTURBED.of_survey, SURVEY)}
 
 
-def _skies_of(experiment, parameters):
-    return lambda: describe(experiment.skies(preset="ci", n_realisations=2, **parameters))
-
-
 def further_codes(tree):
     """{name: digest} of further dependencies of the experiments' records, their skies, in a `CodeTree`."""
     return {f"skies_{name}": measuring_code(name, tree)["code"] for name in EXPERIMENTS}
@@ -210,13 +200,15 @@ def further_codes(tree):
 
 CALLS = (
     {product.name: [_call_of(product, call) for call in calls] for product, calls in _PRODUCTS.items()}
-    | {
-        one.measure.name: [_call_of(one.measure, (sky,), _columns_of)]
-        for one, (sky, _) in _EXPERIMENTS.items()
-    }
+    | {one.measure.name: [_call_of(one.measure, (sky,))] for one, (sky, _) in _EXPERIMENTS.items()}
     | {name: [_call_of(cleaned.assessment, (CASE, method))] for name, method in _METHODS.items()}
     | {name: [call] for name, call in _BEAMS.items()}
-    | {f"skies_{one.EXPERIMENT.name}": [_skies_of(one, given)] for one, (_, given) in _EXPERIMENTS.items()}
+    | {
+        f"skies_{one.EXPERIMENT.name}": [
+            lambda one=one, given=given: describe(one.skies(preset="ci", n_realisations=2, **given))
+        ]
+        for one, (_, given) in _EXPERIMENTS.items()
+    }
 )
 """{fixed name: functions without arguments}."""
 

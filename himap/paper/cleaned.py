@@ -130,8 +130,12 @@ def assessment(case, remover, mask_peaks=True):
         cut = pipeline.spectra_of(low, alms, case.survey)
     moments, errors = Moments.of(low, wrong), line_errors(wrong)
     correlation = moments.correlation
-    if cut is not None:
-        errors, correlation = _against_all(low, wrong, truth)
+    if cut is not None:  # the full error is not of low rank: one channel of the residual at a time
+        errors, correlation = np.zeros(truth.shape[1]), np.empty(len(truth))
+        for n, (row, spectrum, true) in enumerate(zip(low, wrong.spectra, truth, strict=True)):
+            residual = row + spectrum @ wrong.maps
+            errors += (residual - true + true.mean(dtype=np.float64)) ** 2 / len(truth)
+            correlation[n] = np.corrcoef(residual, true)[0, 1]
     return Assessment(
         power_spectra=PowerSpectra(
             angular=recovered_power(alms, wrong, true=(cut or spectra).angular),
@@ -171,19 +175,6 @@ def post_masked(case, remover, mask_peaks=True):
         frequency=frequency_power_without(total, removed, width, truth, wrong),
     )
     return recovered, true
-
-
-def _against_all(low, wrong, truth):
-    """Errors of lines of sight and correlations of a residual that ends at some l, against the full truth.
-
-    The full error is not of low rank, so one channel of the residual is computed at a time.
-    """
-    errors, correlation = np.zeros(truth.shape[1]), np.empty(len(truth))
-    for n, (row, spectrum, true) in enumerate(zip(low, wrong.spectra, truth, strict=True)):
-        residual = row + spectrum @ wrong.maps
-        errors += (residual - true + true.mean(dtype=np.float64)) ** 2 / len(truth)
-        correlation[n] = np.corrcoef(residual, true)[0, 1]
-    return errors, correlation
 
 
 def compared(*call, masked=False, average="means"):

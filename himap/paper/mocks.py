@@ -56,22 +56,15 @@ def hi_alms_of_mock(sky, mock):
         maps = hi_maps(sky, sky.rng("hi"), model=_Biased(factor=mock.bias))
         alms = sphere.analyse(maps, n_iter=sphere.N_ITER_FLAT)
     if mock.gaussian:
-        alms = _without_phases(alms, sky.rng("phases"))
+        # Modes of each l are rotated into each other, equally in all channels, which changes no power of any
+        # channel or of two: each is now a sum over all of its l, Gaussian by the central limit theorem.
+        modes, rng = harmonic.to_modes(alms), sky.rng("phases")
+        for block in harmonic.blocks(modes):
+            turn, triangle = np.linalg.qr(rng.standard_normal((block.shape[1], block.shape[1])))
+            block[:] = block @ (turn * np.sign(np.diag(triangle)))  # uniform in rotations (Mezzadri 2007)
+        alms = harmonic.from_modes(modes).astype(alms.dtype)
     alms *= np.float32(mock.abundance)
     return alms
-
-
-def _without_phases(alms, rng):
-    """Coefficients with the modes of each l rotated into each other, equally in all channels.
-
-    This changes no power of any channel or of two channels; but each mode is now a sum over all of its l, so
-    the field is Gaussian by the central limit theorem.
-    """
-    modes = harmonic.to_modes(alms)
-    for block in harmonic.blocks(modes):
-        turn, triangle = np.linalg.qr(rng.standard_normal((block.shape[1], block.shape[1])))
-        block[:] = block @ (turn * np.sign(np.diag(triangle)))  # uniform among all rotations (Mezzadri 2007)
-    return harmonic.from_modes(modes).astype(alms.dtype)
 
 
 def mock_alms(case, mock):

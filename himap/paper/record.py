@@ -138,7 +138,16 @@ class Record:
             content = json.loads(regular_file(path, "record").read_text())
             if (content["format"], content["experiment"]) != (_FORMAT, experiment.name):
                 raise ValueError(f"format {content['format']!r} of {content['experiment']!r}")
-            rows = [row for line in content["rows"] for row in _rows(content["columns"], line)]
+            rows = []
+            for line in content["rows"]:
+                cells = dict(zip(content["columns"], line, strict=True))
+                lengths = {len(cell) for cell in cells.values() if isinstance(cell, list)} or {1}
+                if len(lengths) > 1:
+                    raise ValueError(f"lists of {' and '.join(map(str, sorted(lengths)))} values in one row")
+                rows += [
+                    {name: cell[n] if isinstance(cell, list) else cell for name, cell in cells.items()}
+                    for n in range(*lengths)
+                ]
             if not rows:
                 raise ValueError("no row")
             record = cls(experiment=experiment, rows=experiment.frame(rows), about=dict(content["about"]))
@@ -252,18 +261,6 @@ def _cell(values):
     floats = isinstance(values[0], float)
     plain = [float(f"{x:.{_DIGITS}g}") if math.isfinite(x) else None for x in values] if floats else values
     return plain[0] if all(value == plain[0] for value in plain) else plain
-
-
-def _rows(columns, line):
-    """The rows of one line of a file, dicts."""
-    cells = dict(zip(columns, line, strict=True))
-    lengths = {len(cell) for cell in cells.values() if isinstance(cell, list)} or {1}
-    if len(lengths) > 1:
-        raise ValueError(f"lists of {' and '.join(map(str, sorted(lengths)))} values in one row")
-    return [
-        {name: cell[n] if isinstance(cell, list) else cell for name, cell in cells.items()}
-        for n in range(*lengths)
-    ]
 
 
 def _agree(name, stored, again, key):

@@ -120,7 +120,14 @@ class Data:
             maps, weights = maps[:, kept], None if weights is None else weights[..., kept]
         if by_voxel:
             maps = np.where(weights > 0, maps, np.zeros((), maps.dtype))
-        _refuse_dead_channels(label, maps, missing_of(weights))
+        missing = missing_of(weights)
+        rows = maps if missing is None else (row[~gaps] for row, gaps in zip(maps, missing, strict=True))
+        varies = np.array([np.ptp(row) > 0 for row in rows])
+        if varies.any() and not varies.all():
+            raise InputError(
+                f"{label} must vary over the sky, but channel {varies.argmin()} has one value everywhere, "
+                "like a dead channel; leave it out."
+            )
         return cls(maps=maps, freqs=freqs, grid=grid, weights=weights, seed=rng, **known)
 
     @property
@@ -218,17 +225,6 @@ class Data:
         kept = checked_mask(mask, self.maps.shape[1])
         weights = None if self.weights is None else self.weights[..., kept]
         return replace(self, maps=self.maps[:, kept], weights=weights, grid=kept)
-
-
-def _refuse_dead_channels(label, maps, missing):
-    """Raise InputError if a channel is constant although others vary; voxels `missing` are ignored."""
-    rows = maps if missing is None else (row[~gaps] for row, gaps in zip(maps, missing, strict=True))
-    varies = np.array([np.ptp(row) > 0 for row in rows])
-    if varies.any() and not varies.all():
-        raise InputError(
-            f"{label} must vary over the sky, but channel {varies.argmin()} has one value everywhere, like "
-            "a dead channel; leave it out."
-        )
 
 
 def checked_mask(mask, n_pix):

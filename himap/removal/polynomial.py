@@ -59,8 +59,11 @@ class Polynomial(ForegroundRemover):
             spectra = baseline_basis(freqs, min(_DEGREE, len(freqs) - 1))
             if np.ndim(data.weights) == 2:  # with missing voxels, fits may be too steep for polynomials
                 spectra = np.eye(len(freqs))
-            highest = lines.max() + _MOST_BEYOND
-            low_rank = _exponential(baselines.basis, baselines.second, scale, spectra, highest)
+            highest, fits = lines.max() + _MOST_BEYOND, np.empty((spectra.shape[1], len(scale)))
+            for block in blocks(len(scale)):
+                exponents = np.minimum(baselines.basis @ baselines.second[:, block], highest)
+                fits[:, block] = spectra.T @ (np.exp(exponents) * scale[block])
+            low_rank = LowRankCube(spectra=spectra, maps=fits)
         return Separation(
             low_rank=low_rank,
             mixing=baselines.basis,
@@ -84,12 +87,3 @@ def _logarithms(data):
     lines = np.zeros_like(total)
     np.log(total / scale.astype(total.dtype), out=lines, where=seen)
     return lines, scale
-
-
-def _exponential(basis, coefficients, scale, spectra, highest):
-    """`LowRankCube` of scale exp(basis coefficients), in orthonormal spectra; exponents at most `highest`."""
-    maps = np.empty((spectra.shape[1], len(scale)))
-    for block in blocks(len(scale)):
-        exponents = np.minimum(basis @ coefficients[:, block], highest)
-        maps[:, block] = spectra.T @ (np.exp(exponents) * scale[block])
-    return LowRankCube(spectra=spectra, maps=maps)

@@ -62,14 +62,11 @@ class Cosmology:
         """Comoving distance in Mpc/h to redshift `z` (0 to 5; beyond, InputError)."""
         return self._distance_spline(_inside("redshift", z, Z_MAX))
 
-    @cached_property
-    def _redshift_spline(self):
-        z = np.linspace(0, Z_MAX, 5001)
-        return CubicSpline(self._distance_spline(z), z)
-
     def redshift_at(self, distance):
         """Redshift at a comoving distance in Mpc/h, the inverse of `comoving_distance`."""
-        return self._redshift_spline(_inside("distance", distance, self._distance_spline(Z_MAX)))
+        z = np.linspace(0, Z_MAX, 5001)
+        distances = self._distance_spline(z)
+        return CubicSpline(distances, z)(_inside("distance", distance, distances[-1]))
 
     @cached_property
     def _growth_spline(self):

@@ -58,7 +58,17 @@ def synthetic_galaxy(nside, rng):
     shared, synchrotron, free_free = rng.spawn(3)
     plane = _Field.draw(_free_free_spectrum, fine, shared)
     vectors = sphere.pixel_vectors(fine)
-    amplitude, index = _synchrotron(vectors, plane, fine, synchrotron)
+    structure_rng, index_rng = synchrotron.spawn(2)
+    structure = _Field.draw(lambda degree: (degree + 4) ** -3.1, fine, structure_rng)
+    amplitude = _ISOTROPIC * structure.lognormal(0.23)
+    amplitude += _disc_brightness(vectors, *_THICK_DISC) * structure.lognormal(0.15)
+    amplitude += _loops(vectors) * structure.lognormal(0.7)
+    amplitude += _disc_brightness(vectors, *_HALO)
+    amplitude += _disc_brightness(vectors, *_THIN_DISC) * plane.lognormal(1.0)
+    # The index map is smoothed to 5 deg.
+    steepness = _Field.draw(lambda degree: degree**-2.0 * np.exp(-((degree / 27) ** 2)), fine, index_rng)
+    latitude = np.degrees(np.arcsin(np.abs(vectors[:, 2])))
+    index = -3.0 + (0.05 + 0.04 * np.exp(-latitude / 12)) * steepness.values
     gas, sine = _Field.draw(_free_free_spectrum, fine, free_free), np.abs(vectors[:, 2])
     share = np.exp(-sine / 0.1)
     mix = _Field(share * plane.values + np.sqrt(1 - share**2) * gas.values, gas.variance_added)
@@ -73,21 +83,6 @@ def synthetic_galaxy(nside, rng):
         PowerLaw(name=name, amplitude=sphere.change_resolution(pixels, nside), freq_ref=freq, index=index)
         for name, pixels, freq, index in components
     ]
-
-
-def _synchrotron(vectors, plane, nside, rng):
-    """Amplitude (mK) and index of the synchrotron emission."""
-    structure_rng, index_rng = rng.spawn(2)
-    structure = _Field.draw(lambda degree: (degree + 4) ** -3.1, nside, structure_rng)
-    amplitude = _ISOTROPIC * structure.lognormal(0.23)
-    amplitude += _disc_brightness(vectors, *_THICK_DISC) * structure.lognormal(0.15)
-    amplitude += _loops(vectors) * structure.lognormal(0.7)
-    amplitude += _disc_brightness(vectors, *_HALO)
-    amplitude += _disc_brightness(vectors, *_THIN_DISC) * plane.lognormal(1.0)
-    # The index map is smoothed to 5 deg.
-    steepness = _Field.draw(lambda degree: degree**-2.0 * np.exp(-((degree / 27) ** 2)), nside, index_rng)
-    latitude = np.degrees(np.arcsin(np.abs(vectors[:, 2])))
-    return amplitude, -3.0 + (0.05 + 0.04 * np.exp(-latitude / 12)) * steepness.values
 
 
 def _disc_brightness(vectors, amplitude, length, height):
@@ -133,30 +128,25 @@ class _Field:
 
     @classmethod
     def draw(cls, spectrum, nside, rng):
-        """A realisation of `spectrum`, a function of l, up to l = 3 nside - 1."""
+        """A realisation of `spectrum`, a function of l, up to l = 3 nside - 1.
+
+        Coefficients at any l do not depend on the last l.
+        """
         degree = np.arange(3 * nside)
         cl = np.where(degree > 0, spectrum(np.maximum(degree, 1.0)), 0.0)
         variance = (2 * degree + 1) * cl / (4 * np.pi)
         calibrated = variance[: 3 * NSIDE_CALIBRATED].sum()
-        values = sphere.synthesise(_gaussian_alm(cl / calibrated, rng), nside)
+        draws = rng.standard_normal(len(cl) ** 2)  # the 2 l + 1 numbers of each l in turn
+        of_alm, order = sphere.alm_degree(len(cl) - 1), np.repeat(degree, degree[::-1] + 1)
+        real = draws[of_alm**2 + np.maximum(2 * order - 1, 0)]
+        imag = np.where(order > 0, draws[of_alm**2 + 2 * order], 0.0)
+        scale = np.where(order > 0, np.sqrt(0.5), 1.0) * np.sqrt(cl / calibrated)[of_alm]
+        values = sphere.synthesise(scale * (real + 1j * imag), nside)
         return cls(values, variance[3 * NSIDE_CALIBRATED :].sum() / calibrated)
 
     def lognormal(self, width):
         """exp(width g), with median 1 and its mean at `NSIDE_CALIBRATED`, for any nside."""
         return np.exp(width * self.values - 0.5 * width**2 * self.variance_added)
-
-
-def _gaussian_alm(cl, rng):
-    """Realisation of `cl` whose coefficients at any l do not depend on its last l."""
-    lmax = len(cl) - 1
-    degree = sphere.alm_degree(lmax)
-    order = np.repeat(np.arange(lmax + 1), np.arange(lmax + 1, 0, -1))
-    draws = rng.standard_normal((lmax + 1) ** 2)  # the 2 l + 1 numbers of each l in turn
-    first = degree**2
-    real = draws[first + np.maximum(2 * order - 1, 0)]
-    imag = np.where(order > 0, draws[first + 2 * order], 0.0)
-    scale = np.where(order > 0, np.sqrt(0.5), 1.0) * np.sqrt(cl)[degree]
-    return scale * (real + 1j * imag)
 
 
 def _free_free_spectrum(degree):

@@ -102,7 +102,7 @@ class Oscillating(GaussianBeam):
         if self.ripple in _ARCMIN:
             wave = np.sin(2 * np.pi * freqs / _PERIOD)
             return diffraction_fwhm(freqs, dish_diameter) + np.deg2rad(_ARCMIN[self.ripple] / 60) * wave
-        return Rippled()._fwhm(freqs, dish_diameter)
+        return Rippled().fwhm(freqs, dish_diameter=dish_diameter)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -104,29 +104,25 @@ def member(case, remover):
     ends = [found["n_warmup"], found["n_warmup"] + found["n_refinement"]]
     changes = [found["warmup_change"], found["refinement_change"]]
     converged = np.array(changes) <= [remover.warmup_tolerance, remover.tolerance]
-    numbers = {floor: _last_numbers(case, one) for floor, one in last.items()}
+    numbers = {}
+    for floor, one in last.items():
+        result = cleaned.assessment(case, one)
+        whole, cut = (
+            Comparison.of(result.power_spectra, truth, l_top=_L_MAX)
+            for truth in (pipeline.true_spectra(case), result.cut_truth)
+        )
+        error = np.abs(whole.angular_ratio - 1)
+        numbers[floor] = {
+            **flagged_shares(line_errors(cleaned.error(case, one)), none=0),
+            "mean error": inside(whole.degrees, error, 9, _L_MAX + 1).mean(),
+            **_ratios(whole),
+            **{f"{name}, cut": ratio for name, ratio in _ratios(cut).items() if not name.startswith("C")},
+        }
     return {
         "condition": {ends[1]: found["condition"]},
         "change": dict(zip(ends, changes, strict=True)),
         "converged": dict(zip(ends, converged.astype(float), strict=True)),
-    } | {name: {floor: one[name] for floor, one in numbers.items()} for name in numbers[FLOORS[0]]}
-
-
-def _last_numbers(case, remover):
-    """{quantity: number} for the result of an `SDecGMCA` that ends at some l on a case."""
-    result = cleaned.assessment(case, remover)
-    whole, cut = (
-        Comparison.of(result.power_spectra, truth, l_top=_L_MAX)
-        for truth in (pipeline.true_spectra(case), result.cut_truth)
-    )
-    error = np.abs(whole.angular_ratio - 1)
-    numbers = {
-        **flagged_shares(line_errors(cleaned.error(case, remover)), none=0),
-        "mean error": inside(whole.degrees, error, 9, _L_MAX + 1).mean(),
-        **_ratios(whole),
-        **{f"{name}, cut": ratio for name, ratio in _ratios(cut).items() if not name.startswith("C")},
-    }
-    return {name: float(value) for name, value in numbers.items()}
+    } | {name: {floor: float(one[name]) for floor, one in numbers.items()} for name in numbers[FLOORS[0]]}
 
 
 def _ratios(one):
