@@ -143,6 +143,9 @@ for shape in ((N_PIX,), SHAPE[::-1]):
     add("a.h5", "has a mask", write_hdf5, "a.h5", more={"mask": np.zeros(shape, bool)})
 for key, value in (("scale_factor", [1.0, 2.0]), ("scale_factor", np.inf), ("add_offset", "none")):
     add("a.h5", key, write_hdf5, "a.h5", **{key: value})
+packed = {"_Unsigned": "true", "_FillValue": -1.0}
+message = "_FillValue of maps in a.h5 must be an integer, as its maps with _Unsigned are"
+add("a.h5", message, write_hdf5, "a.h5", good_maps().astype("i1"), **packed)
 for value in (np.bytes_(b"\xff\xfe"), 7, ["mK", "K"], h5py.Empty("S1"), "K" * 20_000):
     add("a.h5", "unit", write_hdf5, "a.h5", said={"order": "RING"}, unit=value)
 for value in (np.bytes_(b"R\xcfNG"), 1, "\x1b[31mRING"):
@@ -171,7 +174,11 @@ more = {f"{n}{'x' * 1000}": good_maps()[:2] for n in range(100)}
 add("a.h5", "Name it with --maps", write_hdf5, "a.h5", more=more)
 add("good.h5 --maps cubes", "has no dataset cubes")
 add("good.h5 --freqs-name nus", "has no dataset nus")
-add("good.h5 --maps freqs", "freqs must be (n_channels, n_pix) with n_pix = 12 nside^2, but the file has")
+SHAPED = "must be (n_channels, n_pix) with n_pix = 12 nside^2, but"
+add("good.h5 --maps freqs", f"freqs {SHAPED} only 1 is: maps. Name it with --maps")
+for words in ("a.h5", "a.h5 --maps maps"):
+    message = f"{SHAPED} the file has freqs (24,); maps (24, 1, 192): write the maps in this shape to"
+    add(words, message, write_hdf5, "a.h5", good_maps()[:, None])
 for path in ("good.fits", "good.npy"):
     add(f"{path} --freqs nu.txt --unit mK --freqs-name x", "are for HDF5 files")
 

@@ -72,6 +72,19 @@ class TestHDF5:
         cube = read_cube(write_hdf5("a.h5", packed, **attributes))
         assert cube.maps == pytest.approx(np.delete(maps, 3, axis=1), abs=0.26) and not cube.mask[3]
 
+    @pytest.mark.parametrize("key", ["_FillValue", "missing_value", "valid_range"])
+    @pytest.mark.parametrize(("stored", "low", "last"), [
+        ("i1", 0, 255), (">i2", 0, 65535), ("u1", -50, -128), ("<u2", -50, -32768),
+    ])  # fmt: skip
+    def test_integers_with_another_sign(self, stored, low, last, key, rng):
+        """In netCDF what marks missing pixels is stored as these are: 255 without a sign as -1."""
+        expected = rng.integers(low, low + 150, (24, N_PIX))
+        marks = np.array([low, low + 149] if key == "valid_range" else last).astype(stored)
+        expected[:, :3] = last
+        sign = {"_Unsigned": "false" if low else "true"}
+        cube = read_cube(write_hdf5("a.h5", expected.astype(stored), **sign, **{key: marks}))
+        assert not cube.mask[:3].any() and np.array_equal(cube.maps, expected[:, 3:])
+
     def test_a_dataset_of_a_type_that_numpy_does_not_have(self, maps):
         write_hdf5("a.h5")
         with h5py.File("a.h5", "a") as file:

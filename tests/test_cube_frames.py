@@ -215,6 +215,14 @@ class TestOfOneAnother:
         header = fits.getheader("c.fits", 1)
         assert (header["COORDSYS"], header["SPECSYS"]) == ("G", "LSRK")
 
+    def test_what_states_none_is_said_once(self, maps):
+        write("c.fits", maps, "G")
+        given = [word for n in (1, 2) for word in ("--mocks", write(f"{n}.fits", maps / (2 + n), None))]
+        given += ["--truth", write("t.fits", maps / 2, None)]
+        output = run("clean", "c.fits", *given, *self.clean[:-1], "a.fits", code=0).output
+        for name in ("1.fits", "2.fits", "t.fits"):
+            assert output.count(f"{name} does not state its frame: assumed as that of the cube") == 1
+
     def test_spectral_frames_of_weights(self, maps):
         write("a.fits", maps, "C", extra_header=[("SPECSYS", "TOPOCENT")])
         write("w.fits", np.ones_like(maps), "C", extra_header=[("SPECSYS", "LSRK")])

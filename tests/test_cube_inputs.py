@@ -13,7 +13,7 @@ from cube_files import N_CHANNELS, run, write_image
 from himap.core.errors import InputError
 from himap.cubes import clean_cube, read_cube, save_cleaned
 from himap.cubes.files import read_freqs, read_truth
-from himap.cubes.writing import check_columns
+from himap.cubes.writing import check_columns, check_output
 from himap.instrument import beams
 from himap.removal import available, create
 from himap.removal.pca import PCA
@@ -112,17 +112,22 @@ def test_few_channels(maps):
 
 
 class TestEndings:
-    @pytest.mark.parametrize("name", ["c.hdf5", "c.fits.gz", "C.H5"])
+    @pytest.mark.parametrize("name", ["c.hdf5", "c.fits.gz", "c.FITS.GZ", "C.H5"])
     def test_other_endings_are_read_again(self, name, here):
         run("clean", "good.h5", *ON_PCA, "-o", name)
         stem = name.partition(".")[0]
         assert (here / f"{stem}.html").exists()
-        again = read_cube(name, maps_name=None if "fits" in name else "residual")
+        is_fits = ".fits" in name.lower()
+        again = read_cube(name, maps_name=None if is_fits else "residual")
         residual = clean_cube(read_cube("good.h5"), "pca", n_sources=2).residual
         assert again.maps == pytest.approx(residual, abs=1e-5) and again.freqs == pytest.approx(FREQS)
-        if "fits" in name:
+        if is_fits:
             assert (here / name).read_bytes()[:2] == b"\x1f\x8b"
             assert (here / "c_foreground.fits.gz").exists() and (here / "c_mixing.txt").exists()
+
+    def test_pages_in_capital_letters(self, here):
+        paths = check_output("P.HTML", overwrite=False, page=True, endings=(".csv",))
+        assert [path.name for path in paths] == ["P.HTML", "P.csv"]
 
     def test_more_channels_than_a_table_has_columns(self, here, rng):
         maps = rng.standard_normal((1000, 12 * 16**2)).astype("f4")

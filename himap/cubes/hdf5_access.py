@@ -120,15 +120,21 @@ class Datasets:
         """
         if name is not None:
             self.get(name, "--maps")
-            fitting = [each for each in fitting if each == name]
+            chosen = [each for each in fitting if each == name]
         elif "himap" in self.file.attrs and {*fitting} >= _WRITTEN:  # and mixing, of 12 nside^2 channels
             self.remarks.append("the residual of a cleaned cube is read, not its foreground (--maps).")
-            fitting = ["residual"]
-        if len(fitting) == 1:
-            return self.get(fitting[0])
-        but = f"{len(fitting)} are: {listed(fitting)}" if fitting else f"the file has {self.listing()}"
+            chosen = ["residual"]
+        else:
+            chosen = fitting
+        if len(chosen) == 1:
+            return self.get(chosen[0])
+        wanted = f"{self.path}: {name or 'one dataset'} must be {shape}, but"
+        if fitting:
+            are = f"{'only ' * (name is not None)}{len(fitting)} {'is' if len(fitting) == 1 else 'are'}"
+            raise InputError(f"{wanted} {are}: {listed(fitting)}. Name it with --maps.")
         raise InputError(
-            f"{self.path}: {name or 'one dataset'} must be {shape}, but {but}. Name it with --maps."
+            f"{wanted} the file has {self.listing()}: write the maps in this shape to a dataset of their own "
+            "(of Stokes parameters I alone, and without axes of length 1)."
         )
 
     def listing(self):
@@ -205,8 +211,7 @@ class Datasets:
         defined = item.id.get_create_plist().fill_value_defined()
         if fill and defined == h5py.h5d.FILL_VALUE_USER_DEFINED and item.fillvalue:
             numbers.setdefault("_FillValue", np.ravel(item.fillvalue))
-        if str(plain(item.attrs.get("_Unsigned"))).lower() == "true" and stored.dtype.kind == "i":
-            stored = stored.view(f"{stored.dtype.byteorder}u{stored.dtype.itemsize}")
+        stored, numbers = self._with_sign(item, stored, numbers)
         if not numbers:
             return stored
         values = stored.astype(np.result_type(stored.dtype, np.float32))
@@ -218,6 +223,20 @@ class Datasets:
         values *= values.dtype.type(numbers.get("scale_factor", [1])[0])
         values += values.dtype.type(numbers.get("add_offset", [0])[0])
         return values
+
+    def _with_sign(self, item, stored, numbers):
+        """Integers, and the numbers that mark some of them, with or without sign as `_Unsigned` says."""
+        kinds = {"true": "iu", "false": "ui"}.get(str(plain(item.attrs.get("_Unsigned"))).lower())
+        if kinds is None or stored.dtype.kind != kinds[0]:
+            return stored, numbers
+        stored, marks = stored.view(stored.dtype.str.replace(*kinds)), {*numbers} - {*_SCALE}
+        for key in marks:
+            if numbers[key].dtype.kind == "f":
+                raise InputError(
+                    f"{key} of {item.name[1:]} in {self.path} must be an integer, as its maps with _Unsigned "
+                    f"are; got {item.attrs[key]!r}."
+                )
+        return stored, numbers | {key: numbers[key].astype(stored.dtype) for key in marks}
 
 
 def last_part(name):

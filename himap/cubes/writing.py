@@ -22,8 +22,8 @@ _COLUMNS = 999  # maximum of a table in FITS
 
 
 def ending_of(path):
-    """The ending in `OUTPUTS` of a name, in lower case; the suffix of other names."""
-    return next((end for end in OUTPUTS if path.name.lower().endswith(end)), path.suffix)
+    """The one of `OUTPUTS` that a name ends with, or else its suffix, in lower case."""
+    return next((end for end in OUTPUTS if path.name.lower().endswith(end)), path.suffix.lower())
 
 
 def companion(path, ending):
@@ -149,7 +149,9 @@ def write_cleaned(cleaned, paths, *, said=None):
         else:
             cards = [(key.upper(), value) for key, value in about.items()]
             cards += [("HISTORY", text) for text in map(_in_ascii, sentences)]
-            layout.pixels.write(target, maps, layout, name=name, cards=cards)
+            written = companion(target, ending_of(target))  # astropy compresses .gz in small letters alone
+            layout.pixels.write(written, maps, layout, name=name, cards=cards)
+            os.replace(written, target)
     header = "\n".join([*map(_in_ascii, sentences), "frequency [MHz], then the columns of the mixing matrix"])
     np.savetxt(table, np.column_stack([cube.freqs, mixing]), header=header)
 

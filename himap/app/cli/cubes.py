@@ -188,7 +188,8 @@ def _with_frames(asked, cube):
     given = [asked.truth] * (asked.truth is not None)
     for path in (*given, *(word for word in asked.mocks if not _is_number(word))):
         layout = read_truth(path, cube=cube, **asked.reading).layout
-        joined = cube.layout.joined(path, layout.pixels.frame, layout.spectral_frame)
+        frame = layout.pixels.frame or cube.layout.pixels.frame  # what has none says so when it is read
+        joined = cube.layout.joined(path, frame, layout.spectral_frame)
         tell(asked, *joined.remarks[len(cube.remarks) :])
         cube = replace(cube, layout=joined)
     return cube
