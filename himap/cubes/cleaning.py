@@ -49,7 +49,7 @@ class CleanedCube(Cleaning):
     @property
     def remarks(self):
         """Remarks on the result, a list of sentences."""
-        lmax = self.separation.lmax
+        lmax, beams = self.separation.lmax, self.data.beams
         remarks = remarks_on_one(self) if self.ensemble is None else self.ensemble.remarks
         if not (self.separation.converged or has_restarts(self.method)):
             remarks.append(f"{self.method.name} stopped before it converged.")
@@ -57,6 +57,11 @@ class CleanedCube(Cleaning):
             remarks.append(
                 f"In {len(self.cube.freqs)} channels no value can exceed 5 standard deviations of all: no "
                 "peak is masked."
+            )
+        if beams is not None and (last := beams.shape[1] - 1) < (top := 3 * self.cube.nside - 1):
+            remarks.append(
+                f"The beams end at l = {last}: what the maps hold beyond, up to l = {top}, is not seen through "
+                "them, and foreground may be left there; give longer b_l."
             )
         if lmax is not None:
             remarks.append(

@@ -21,6 +21,7 @@ from himap.app.cli.shared import NamesOption
 from himap.core.errors import InputError
 
 _WITHOUT_SOURCES = ("gaussian_process", "gnilc", "parametric", "polynomial")
+_COARSE = 0.5  # FWHM in pixels, below which maps hardly show a beam
 _GROWS = 1.01  # FWHM at the highest relative to the lowest frequency: beams of telescopes do not increase
 
 
@@ -61,6 +62,9 @@ def _cube_and_beams(asked, remover):
         said += f"; {remover.name} does not use them"
     if last > first * _GROWS and beam.by_line:
         said += ": they grow with frequency, so check that their lines have the order of the channels of CUBE"
+    pixel = np.rad2deg(np.sqrt(4 * np.pi / len(cube.mask)))
+    if beam.by_line and 0 < widths.max() < _COARSE * pixel:
+        said += f"; pixels are {pixel:.3g} deg wide, so check that widths are in degrees"
     tell(asked, f"{said}.")
     return cube, beams
 
