@@ -609,6 +609,10 @@ for write, message in (
     (partial(np.save, "p.npy", np.full(SHAPE, np.nan)), "the mock of prior must be finite everywhere"),
 ):
     add("good.h5 --method gnilc -p prior=p.npy", message, write)
+for scale in (1e-3, 1e3):  # in K and in uK; the noise is 1 mK
+    noise = scale * np.random.default_rng(3).standard_normal(SHAPE)
+    add(f"good.h5 --method gnilc -p prior=p{scale:g}.npy", "times its power: see its unit", np.save,
+        f"p{scale:g}.npy", noise)  # fmt: skip
 add("good.h5 -p name=x", "name")
 for value in ("0", "many", "1e999"):
     add(f"good.h5 -p n_sources={value}", "n_sources")

@@ -25,6 +25,7 @@ _ORDER = 3  # of the polynomial in frequency through the logarithm of a variance
 _FEWEST = 8  # channels: with fewer, the median includes foreground
 _FAINT = 1e-3  # of the largest weight: pixels below it are outside of a region
 _SEEN = 0.5  # observed share of a region from which it has its own filter
+_OTHER_UNIT = 100.0  # times the variance of the faint axes of the data, or less: no prior of theirs
 _ROUNDING = 1e-14  # of the variance of the data: a prior below it is of float32 maps without HI and noise
 
 
@@ -101,6 +102,8 @@ class GNILC(ForegroundRemover):
                 prior = expected_covariance(covariance, data.freqs, peak)
             else:
                 prior = seen * stationary(band_covariance(mock, window))
+                if peak == self.first_peak:
+                    check_level(covariance, prior)
             columns, rows = foreground_filter(covariance, prior)
             spectra.append(columns)
             sources.append(harmonic.synthesise(window[degrees] ** 2 * modes.along(rows, lmax), nside))
@@ -125,13 +128,29 @@ def foreground_filter(covariance, prior):
 
     `covariance` is R of the data, `prior` Q of HI and noise, (n_channels, n_channels), mK^2.
     """
+    root, values, axes = whitened(covariance, prior)
+    axes = axes[:, ::-1][:, : n_foreground(values[::-1])]
+    return root @ axes, linalg.solve_triangular(root, axes, lower=True, trans="T").T
+
+
+def whitened(covariance, prior):
+    """Q^1/2, and the eigenvalues, ascending, and eigenvectors of R~ for R and Q as in `foreground_filter`."""
     n_channels = len(prior)
     least = _ROUNDING * np.trace(covariance) / n_channels
     root = linalg.cholesky(prior + least * np.eye(n_channels), lower=True)
     half = linalg.solve_triangular(root, covariance, lower=True)
-    values, axes = np.linalg.eigh(linalg.solve_triangular(root, half.T, lower=True))
-    axes = axes[:, ::-1][:, : n_foreground(values[::-1])]
-    return root @ axes, linalg.solve_triangular(root, axes, lower=True, trans="T").T
+    return root, *np.linalg.eigh(linalg.solve_triangular(root, half.T, lower=True))
+
+
+def check_level(covariance, prior):
+    """Refuse Q of a mock, `prior`, far from the level of the faint axes of the data, as one in K has it."""
+    _, values, _ = whitened(covariance, prior)
+    level, most = values[len(values) // 4], _OTHER_UNIT if len(values) >= _FEWEST else np.inf
+    if not 1 / _OTHER_UNIT < level < most:
+        raise InputError(
+            f"prior must be a mock of the HI and noise of the maps, in mK, and their faint modes have "
+            f"{level:.2g} times its power: see its unit, and that the maps have HI and noise."
+        )
 
 
 def n_foreground(values):
