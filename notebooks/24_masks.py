@@ -80,6 +80,9 @@ from himap.paper.study import Study
 study = Study(
     preset=preset, overrides=survey, galaxy=galaxy, template_dir=template_dir, small_scales=small_scales
 )
+k = 2 * np.pi * np.fft.rfftfreq(case.survey.n_channels, case.survey.channel_width)
+for low, high in ((0.03, 0.1), BUMP):
+    inside(k, k, low, high)  # refuses, before the separation, a band without what the tables show
 plane, north = Region(latitude=latitude), Region(latitude=cap, north=True)
 names = {one: styles.numbered(one.name, getattr(one, "n_sources", 0)) for one in removers}
 
