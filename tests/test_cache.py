@@ -188,7 +188,7 @@ def test_without_locks_two_at_once_keep_one_result(lab, monkeypatch):
 def test_a_folder_that_can_only_be_read_is_read(lab, kept, monkeypatch):
     monkeypatch.setattr(Path, "touch", _refuse(30, "Read-only file system"))
     assert lab.base(SURVEY).size == 100
-    with pytest.raises(InputError, match="base cannot be kept .*Read-only"):
+    with pytest.raises(InputError, match="base cannot be stored .*Read-only"):
         lab.base(SURVEY, scale=2.0)
     monkeypatch.setenv("HIMAP_CACHE", str(kept / "0.npy" / "cache"))  # below a file
     with pytest.raises(InputError, match="HIMAP_CACHE"):

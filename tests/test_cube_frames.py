@@ -221,7 +221,7 @@ class TestOfOneAnother:
         given += ["--truth", write("t.fits", maps / 2, None)]
         output = run("clean", "c.fits", *given, *self.clean[:-1], "a.fits", code=0).output
         for name in ("1.fits", "2.fits", "t.fits"):
-            assert output.count(f"{name} does not state its frame: assumed as that of the cube") == 1
+            assert output.count(f"{name} does not state its frame: assumed to be that of the cube") == 1
 
     def test_spectral_frames_of_weights(self, maps):
         write("a.fits", maps, "C", extra_header=[("SPECSYS", "TOPOCENT")])
