@@ -531,4 +531,4 @@ def test_mocks_from_files(cube, rng, tmp_path, factor, n_seen):
     paths = [write_hdf5(tmp_path / f"{n}.h5", mock) for n, mock in enumerate(mocks)]
     read = read_mocks(cube.within(seen), paths, tell=said.append)
     assert all(map(np.array_equal, read, [mock[:, seen] for mock in mocks]))
-    assert any("mocks are HI and noise alone" in one for one in said) == bool(factor)
+    assert any("mocks are HI and noise only" in one for one in said) == bool(factor)

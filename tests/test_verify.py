@@ -341,7 +341,7 @@ def test_verify_needs_a_checkout(monkeypatch, himap_command):
 def test_a_file_after_a_merge_is_refused_with_the_way_out(monkeypatch, tmp_path):
     (tmp_path / "accepted.json").write_text('<<<<<<< HEAD\n{"a": "b"}')
     monkeypatch.setattr(code, "ACCEPTED", tmp_path / "accepted.json")
-    with pytest.raises(InputError, match="is no JSON .* after a merge: restore it with `git checkout`"):
+    with pytest.raises(InputError, match="is not JSON .* after a merge: restore it with `git checkout`"):
         code.stored_dict(code.ACCEPTED)
 
 
