@@ -93,9 +93,10 @@ Markdown("\n\n".join([verdicts_table(ledgers[:2]), ledgers_table(ledgers, others
 # HI is brightest with the paper's box and faintest with smoothing (F1). With the former PCA and FastICA meet
 # E2, as in the paper; with the latter GMCA has the excess of E3, as in the paper. Of B1 to B3 and D3 only the
 # verdict on B1 differs. This is due to SDecGMCA, whose parts are shares of several skies and restarts in the
-# first column and one run in the others: PCA, FastICA, GMCA and the parametric fit fail in all three. With the paper's box
-# this run has the bias of B2: with the evolving and the oscillating beam the frequency spectrum is too low at
-# large wavenumbers without masking, but not with it. No restart has this bias in the boxes with wider cells.
+# first column and one run in the others: PCA, FastICA, GMCA and the parametric fit fail in all three. With
+# the paper's box this run has the bias of B2: with the evolving and the oscillating beam the frequency
+# spectrum is too low at large wavenumbers without masking, but not with it. With wider cells this bias is
+# rare.
 
 # %% tags=["hide-input"]
 of_the_box = "F1", "E2", "E3", "D3", "B1", "B2", "B3"

@@ -60,8 +60,8 @@ class CleanedCube(Cleaning):
             )
         if beams is not None and (last := beams.shape[1] - 1) < (top := 3 * self.cube.nside - 1):
             remarks.append(
-                f"The beams end at l = {last}, the maps at l = {top}: beyond the beams the residual may contain "
-                "foreground; give longer b_l."
+                f"The beams end at l = {last}, the maps at l = {top}: beyond the beams the residual may "
+                "contain foreground; give longer b_l."
             )
         if lmax is not None:
             remarks.append(
