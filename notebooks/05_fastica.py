@@ -156,7 +156,7 @@ quote(
 
 # %% [markdown]
 # The first source resembles free-free emission (the thin plane, compact regions), the others synchrotron
-# emission. They are still mixtures: the index of free-free emission is $-2.14$ ({doc}`01_simulations`), and some
+# emission. They are still mixtures: free-free emission has another index ({doc}`01_simulations`), and some
 # pixels of the plane are negative.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-fastica-sources", "caption": "The sources of FastICA, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}

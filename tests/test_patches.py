@@ -78,7 +78,7 @@ def test_white_noise_of_pixels(masked, rng):
 
 def test_what_has_no_patch_is_refused(rng):
     cube = white_cube(rng, 16, 1.0, sphere.pixel_latitude(16) > 85)
-    with pytest.raises(InputError, match="a patch of 14 deg of which 80% is seen"):
+    with pytest.raises(InputError, match="a patch of 14 deg with 80% coverage, and the cube has none"):
         patch_power(cube, cube.maps)
 
 

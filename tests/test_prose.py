@@ -33,7 +33,7 @@ DEFINED = {
     "notebooks/02_beams_and_noise.py": "0.14 %, 0.1, 0.5 arcmin, 0.5 MHz, 1 MHz, 13.5, 20 MHz, 20,000 h",
     "notebooks/03_peak_masking.py": "10°, 60°, four times",
     "notebooks/04_pca.py": "96 %, 99 %, 10 %",
-    "notebooks/05_fastica.py": "-2.1, 96 %, 99 %, 10 %",
+    "notebooks/05_fastica.py": "96 %, 99 %, 10 %",
     "notebooks/06_gmca.py": "96 %, 99 %, 10 %, 1.48 times",
     "notebooks/07_polynomial.py": "96 %, 99 %, 10 %, 10 K",
     "notebooks/08_parametric.py": "96 %, 99 %, 10 %, 1 %",
