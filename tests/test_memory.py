@@ -67,7 +67,8 @@ def test_a_box_that_memory_does_not_hold_is_in_files(monkeypatch):
     assert not list((cache_folder() / "hi_of_sky").glob("unfinished*"))
     nearly_full = SimpleNamespace(free=1_000_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda path: nearly_full)
-    with pytest.raises(InputError, match=r"hi_of_sky needs 0.0168 GB of temporary disk space, and 0.001 GB are free"):
+    message = "hi_of_sky needs 0.0168 GB of temporary disk space, and 0.001 GB are free"
+    with pytest.raises(InputError, match=message):
         pipeline.hi_of_sky.compute(survey)
 
 
