@@ -132,9 +132,9 @@ quote(
 # {glue:text}`00_the_answer.ipynb::answer_large_held:s` of the ledger's members; less than 84 % is *undecided*. Of all
 # {glue:text}`00_the_answer.ipynb::answer_all_restarts:s` different runs
 # {glue:text}`00_the_answer.ipynb::answer_all_failed:s` fail, which would make V7
-# *{glue:text}`00_the_answer.ipynb::answer_all_robust:s`*. In Fig. 5 the medoid of the real Galaxy flags lines
-# of sight in much of the sky outside the Galactic plane; restarts differ (M1). All numbers are in
-# `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# *{glue:text}`00_the_answer.ipynb::answer_all_robust:s`*. Fig. 5 shows the lines
+# of sight that the medoid flags; restarts differ in whether most lie in the Galactic plane (M1). All numbers
+# are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]
 Markdown(pictures([real, synthetic], folder))
