@@ -5,9 +5,9 @@ from pathlib import Path
 from himap.app.notebook_files import figures
 
 ROOT = Path(__file__).resolve().parents[1]
-NOTEBOOK = ROOT / "notebooks" / "10_results.ipynb"
-FIGURE = "fig-results-angular"
-TARGET = ROOT / "book" / "_static" / "results_quick.png"
+NOTEBOOK = ROOT / "notebooks" / "00_the_answer.ipynb"
+FIGURE = "fig-answer-angular"
+TARGET = ROOT / "book" / "_static" / "answer.png"
 
 
 if __name__ == "__main__":

@@ -239,10 +239,11 @@ quote(
 # %% [markdown]
 # With cells as small as the paper's the two codes flag nearly the same share of voxels (brightest voxel and
 # spectra were not compared there). The cell size has little effect on this share, and far more on the
-# brightest voxel and both power spectra; smoothing changes all quantities shown. Each row is a pair of runs,
-# whose band and beam are not stored. The row of `r_smooth` starts from another run, so cell size and
-# smoothing cannot be ranked. Claims B1 to B3 and D3 may depend on both: {doc}`18_paper_size` judges them with
-# either. At the smaller presets the cells smooth more than 2 Mpc/h does.
+# brightest voxel and on $P(k_\nu)$ at both ends; smoothing changes all quantities shown. Each row is a pair
+# of runs; the bands of most, and the ranges of $k_\nu$, are not stored. The row of `r_smooth` starts from
+# another run, so cell size and smoothing cannot be ranked. Claims B1 to B3 and D3 may depend on both:
+# {doc}`18_paper_size` judges them with either. At the smaller presets the cells smooth more than 2 Mpc/h
+# does.
 
 # %% tags=["hide-input"]
 CHOICES = [
@@ -299,7 +300,8 @@ Table(several.columns, several.to_numpy(), align="lll" + len(several) * "r", not
 # - `pysm3`, the paper's maps;
 # - `templates`, FITS maps, if need be with a Gaussian field that continues their spectrum to smaller scales
 #   {cite:p}`miville2007,thorne2017`;
-# - `synthetic` (default), drawn with the statistics of the real maps ([conventions](../book/conventions.md)).
+# - `synthetic` (default), drawn with statistics like those of the real maps
+#   ([conventions](../book/conventions.md)).
 #
 # Only synchrotron and free-free emission are concentrated in the Galactic plane.
 
@@ -323,7 +325,7 @@ stamped(
 # %% [markdown]
 # {numref}`fig-galaxy-beside` compares the synthetic Galaxy with PySM's maps, {numref}`fig-galaxy-statistics`
 # with the statistics used to calibrate it. The synthetic Galaxy lacks the coherent clouds of the real sky
-# (Cygnus, Orion, the Gum nebula).
+# (Cygnus, Orion, the Gum nebula), and its free-free emission has less power on most scales.
 #
 # ```{figure} ../book/_static/galaxy_beside.png
 # :name: fig-galaxy-beside

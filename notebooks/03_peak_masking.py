@@ -259,7 +259,7 @@ quote(
 # ## The effect on a cleaning
 #
 # PCA with the paper's numbers of components is applied with and without masking (as always, order 6 and
-# $5\,\sigma$). Without masking, power is lost, mostly in $P$ at the smallest $k_\nu$.
+# $5\,\sigma$). Without masking there is a signal loss, mostly in $P$ at the smallest $k_\nu$.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-peak-effect", "caption": "Relative change of the angular (left) and frequency (right) power spectrum of the cleaned maps when the peaks are not masked (PCA with 3, 4 and 5 components for the three beams)."}}
 pcas = {name: PCA(n_sources=table_1(one)["n_sources"]) for name, one in beams.items()}

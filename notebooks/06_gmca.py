@@ -340,8 +340,8 @@ quote(gmca_iterations=(study.separation(selected, remover).n_iterations, 10))
 #
 # - With the oscillating beam GMCA has a larger foreground residual at low $\ell$ and low $k_\nu$ than PCA.
 #   With the evolving beam the two are close on this sky; on the real Galaxy GMCA has an excess at the lowest
-#   $\ell$. Over the intermediate $\ell$ of the paper its mean is not a
-#   clear excess (claim E3, {doc}`15_claims`), except on a sky with smoothed HI ({doc}`18_paper_size`).
+#   $\ell$. Over the intermediate $\ell$ of the paper (claim E3, {doc}`15_claims`) its mean
+#   is not a clear excess at `laptop`; at the paper's size it is on some skies ({doc}`00_the_answer`).
 # - The mixing matrix becomes nearly degenerate: the total foreground is well defined, individual sources are
 #   not.
 # - GMCA reads the cube about {glue:text}`gmca_iterations` times as often as PCA.

@@ -309,7 +309,7 @@ quote(
 # <summary>Answer</summary>
 #
 # Yes: the excess at $\ell < 10$ with the degraded and the evolving beam vanishes. But $C/C_0$ is below 1 in
-# both bands of the table, and most of $P$ at the smallest $k_\nu$ is lost. With the oscillating beam the fit
-# fails as before.
+# both bands of the table, and most of $P$ at the smallest $k_\nu$ is removed. With the oscillating beam the
+# fit fails as before.
 #
 # </details>

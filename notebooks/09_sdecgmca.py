@@ -125,7 +125,8 @@ medoid = study.medoid(selected, remover)
 # where $\epsilon$ keeps the inverse finite if the beam is small. $\hat H$ is the beam; in the example of C21
 # it is divided by that of the best channel at each $\ell$. $\epsilon$ depends on $\mathbf{A}$ and the beam in
 # the *warm-up*, and on the spectra of the last sources in the *refinement* (strategies 3 and 4, Eqs. 26 and
-# 27 of C21), with the strength $c$:
+# 27 of C21), with the strength $c$, the smallest eigenvalue $\lambda_\mathrm{min}$ of a matrix and the power
+# $C_\ell^\mathrm{noise}$ of the noise:
 #
 # ```{math}
 # :label: eq-sdecgmca-epsilon
@@ -135,9 +136,9 @@ medoid = study.medoid(selected, remover)
 # ```
 #
 # **Thresholds.** The sources are decomposed into five starlet scales. Coefficients below three times their
-# noise are set to zero (the paper defines neither). Of the others the largest are kept, and reduced by their
-# threshold, which in the refinement is lower for large coefficients ($\ell_1$ reweighting). The share that is
-# kept grows to $K_\mathrm{max}$ during the warm-up.
+# noise are set to zero (the paper gives neither the factor nor the noise). Of the others the largest are
+# kept, and reduced by their threshold, which in the refinement is lower for large coefficients ($\ell_1$
+# reweighting). The share that is kept grows to $K_\mathrm{max}$ during the warm-up.
 #
 # **Update of A**: least squares in every channel over all harmonics (over the detail scales in the code of
 # C21). Then negative entries are set to zero (an option that is off in that code), and columns are scaled to
@@ -191,9 +192,9 @@ Markdown("\n".join(Table(head, body).markdown()))
 mixing_figure(study, selected, medoid)
 
 # %% [markdown]
-# The sources are brighter than the sky and partly cancel, as for GMCA.
+# The sources partly cancel, as for GMCA: some are negative where others are positive.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of the first four of these columns, in mK. Colours: central 96 % of the pixels."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-sources", "caption": "The sources of the first four of these columns, in mK summed over channels (spectra have unit length). Colours: central 96 % of the pixels."}}
 sources_figure(study, selected, medoid, most=4)
 
 # %% [markdown]
@@ -244,7 +245,7 @@ show(numbers)
 # $C/C_0$ coincides up to the dotted line. Beyond it “regularised” has an excess. This is not the paper's
 # peak, as $\epsilon$ is 0 there on these maps (last table), but the numerical error described below.
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "P/P0 (left) and C/C0 (right) for three treatments of the multipoles beyond the last of the inversion (dotted). Medians of the restarts, whose scatter is in the figures above. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (also dotted)."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-sdecgmca-beyond", "caption": "P/P0 (left) and C/C0 (right) for three treatments of the multipoles beyond the last of the inversion (dotted). Medians of the restarts, whose scatter is in the figures above. Logarithmic axes; HEALPix maps are inaccurate beyond 2 nside (dotted too where it differs)."}}
 LOOKS = {
     "cut": {"color": styles.VERMILION, "linestyle": "-"},
     "regularised": {"color": styles.BLUE, "linestyle": "--"},

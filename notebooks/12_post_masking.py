@@ -324,16 +324,18 @@ study.stamped(plotting.lines(panels), beam=selected, n_sources=n_sources, readin
 # %% [markdown]
 # On their flagged lines the foreground residual is at least {glue:text}`post_left_over_lost` times the signal
 # loss for PCA, FastICA and GMCA, and {glue:text}`post_sd_left_over_lost` times for SDecGMCA. A ratio above 1
-# means that the rule flags *foreground* residual, one well below 1 lost *bright HI*. For SDecGMCA signal loss
-# is {glue:text}`post_hi_of_error` of the sum of both squares, and {glue:text}`post_top_of_error` of the
-# squared error is in the last tenth of the band (10 % expected if uniform in frequency).
+# means that the rule flags *foreground* residual, one well below 1 that it flags loss of *bright HI*. For
+# SDecGMCA signal loss is {glue:text}`post_hi_of_error` of the sum of both squares, and
+# {glue:text}`post_top_of_error` of the squared error is in the last tenth of the band (10 % expected if
+# uniform in frequency).
 #
 # ## Spectra without the flagged lines
 #
 # Each method is masked according to its errors, and the truth with the same mask. A mask couples multipoles,
 # so $C_\ell$ is decoupled with the mode-coupling matrix {cite:p}`hivon2002` and binned. Without the flagged
-# lines the excess of PCA and GMCA is smaller at low $k_\nu$, at the peak and at low $\ell$; so is that of
-# restarts of SDecGMCA that fail. Other restarts do not improve.
+# lines the excess of PCA and GMCA is smaller at low $k_\nu$, at the peak and at low $\ell$. Restarts of
+# SDecGMCA that do not fail can have a smaller peak too, but have little other excess that could decrease;
+# those that fail can improve by very different factors.
 
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-post-spectra", "caption": "Spectra recovered by PCA, FastICA, GMCA and SDecGMCA, of the full sky (dotted) and without the flagged lines of sight (masked: dashed, dash-dotted and solid), and their ratio to the truth under the same mask (the paper's Fig. 6). Of SDecGMCA medians and bands of the restarts (thin lines), each with its mask. {glue:text}`post_reading` ([readings](sdecgmca-reading)). Masked C_l is binned and begins at higher l. Black: truth of the full sky. PCA and FastICA coincide."}}
@@ -513,9 +515,9 @@ quote(
 #   remains; for SDecGMCA {glue:text}`post_in_plane` of them are. On the real Galaxy at `laptop` most are in
 #   the plane in {glue:text}`15_claims.ipynb::claims_m1_share:s` of the members.
 # - **Line of sight** (M2, M3): with the mask the highest $P/P_0$ of SDecGMCA at the peak is
-#   {glue:text}`post_peak_sd` of its value without (a ratio near 1 cannot become smaller), and its error at
-#   low $k_\nu$ {glue:text}`post_low_sd`. For PCA and GMCA the latter is {glue:text}`post_low_pca` and
-#   {glue:text}`post_low_gmca`; the paper reports no notable change.
+#   {glue:text}`post_peak_sd` of its value without, and its error at low $k_\nu$ {glue:text}`post_low_sd`. For
+#   PCA and GMCA the latter is {glue:text}`post_low_pca` and {glue:text}`post_low_gmca`; the paper reports no
+#   notable change.
 # - **Sky** (M4): the mean $|C/C_0 - 1|$ decreases from {glue:text}`post_angular_pca` to
 #   {glue:text}`post_angular_pca_after` for PCA and from {glue:text}`post_angular_gmca` to
 #   {glue:text}`post_angular_gmca_after` for GMCA; for SDecGMCA it is {glue:text}`post_angular_sd` before and

@@ -143,8 +143,9 @@ full.stamped(plotting.sky_maps(maps, log=True, span=span), plane_weight=plane_we
 # With the dimmed Galaxy PCA, FastICA, GMCA and restarts of SDecGMCA that do not fail are within the grey band
 # at most $\ell$; GMCA has an excess at the lowest $\ell$. PCA, FastICA and GMCA have a peak near
 # $k_\nu = 0.31$ MHz$^{-1}$, and SDecGMCA can have it. The parametric fit exceeds the truth by an order of
-# magnitude or more on most scales. The polynomial fit exceeds it by less at most $k_\nu$ and at low $\ell$,
-# and by most near $k_\nu = 0.04$ MHz$^{-1}$, at the ripple and at high $\ell$.
+# magnitude or more on most scales. The polynomial fit exceeds it by less at most $k_\nu$, and by most near
+# $k_\nu = 0.04$ MHz$^{-1}$, at the ripple and at high $\ell$; at the lowest $k_\nu$ and at $\ell$ of about 10
+# it is below the truth.
 
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-dimmed-spectra", "caption": "Frequency (left) and angular (right) power spectrum recovered by six methods from the dimmed sky, and the ratio to the truth (the paper's Fig. 7). Grey band: 10 %; ratios are linear near 1, logarithmic beyond. {glue:text}`dimmed_reading` ([readings](sdecgmca-reading)). PCA and FastICA coincide."}}
 ensembles = {

@@ -209,7 +209,7 @@ plotting.stamp(claims_figure(outcomes), made)
 # %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-bands", "caption": "SDecGMCA through the oscillating beam under each reading (rows): mean C/C0 in bands of l, mean P/P0 in three bands of k (1/MHz), and the highest P/P0 near k = 0.31 / MHz. Points: runs; colours: skies; line: truth. Logarithmic axes where runs differ by more than an order of magnitude; factors beyond a thousand are at the edge."}}
 plotting.stamp(bands_figure(outcomes), made)
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the named readings, for each sky, of several restarts the median, 16 to 84 % band and single ones (thin). Across the sky default and letter coincide, as they differ beyond l = 200 alone. Runs that fail badly leave the panel."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-readings-curves", "caption": "C/C0 and P/P0 of SDecGMCA through the oscillating beam under the named readings, for each sky; of several restarts the median and 16 to 84 % band. Axes are linear near 1, logarithmic beyond. Across the sky default and letter coincide, as they differ beyond l = 200 alone."}}
 plotting.stamp(curves_figure(outcomes), made)
 
 # %% [markdown]

@@ -243,9 +243,9 @@ Markdown("\n".join(Table(head, rows).markdown()))
 # The exponent with channels is measured. The exponent with `nside` follows from the two tables of steps,
 # divided by the factor for twice the channels, and is at least 0 (SDecGMCA ends at the same $\ell$ at both
 # sizes). These extrapolations, by factors of {glue:text}`scale_further` in `nside` and
-# {glue:text}`scale_more` in channels, are from small maps, the oscillating beam and a shared machine, and are
-# uncertain by a factor of two or more. The cubes of one realisation take {glue:text}`scale_disk` times the
-# disk space of the paper's size.
+# {glue:text}`scale_more` in channels, are for the oscillating beam and from a shared machine, in channels
+# from small maps, and are uncertain by a factor of two or more. The cubes of one realisation take
+# {glue:text}`scale_disk` times the disk space of the paper's size.
 #
 # Dask does not divide a product: a worker holds complete cubes of {glue:text}`scale_large_cube` each at this
 # size. The step with the largest memory therefore sets that of a worker, {glue:text}`scale_worker`. Use one

@@ -62,11 +62,10 @@
 #
 # The foreground residual is by chance correlated with HI. If it is detected above HI and noise, this
 # correlation is in both $P$ and $F$, and largely cancels. In the members it cancels only because each has its
-# own $F_m$; with the same $F$ for all members the error bars would be too large. If one spectrum remains
-# entirely, its foreground has $v$ times the power of HI, and there are many mocks, the error bar of the power
-# in that spectrum would be too large by a factor of $(1 + 4v)^{1/2}$. $b$ then contains the mean deficit of
-# $F$, the cross power of foreground residual and residual of the mock, and, unless the loss is that of a
-# fixed projection, a negative part that exists without any foreground.
+# own $F_m$; with the same $F$ for all members the error bars would be too large, the more so the brighter the
+# foreground residual. $b$ contains the mean deficit of $F$, the cross power of foreground residual and
+# residual of the mock, and, unless the loss is that of a fixed projection, a negative part that exists
+# without any foreground.
 #
 # `himap transfer` and `himap clean --mocks` do the same for a full sphere. Without `--beam` (possible for
 # methods that need none), on part of the sky, or with gaps, $\hat f$ is the estimate of the method itself,

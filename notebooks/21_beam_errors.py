@@ -119,9 +119,10 @@ study.stamped(beam_errors_figure(table), beam=case.beam)
 # With four or more sources BeamSubspace has a smaller residual at large errors, where the effect of the wrong
 # beam on the foreground is bright enough to be fitted by an additional source. If it is only as bright as HI,
 # no source fits it. SDecGMCA, with five sources and one run on each sky, is chaotic ({doc}`27_restarts`): at
-# small errors its points scatter by the difference between runs. At larger errors, except those of the width
-# on the real Galaxy, its residual rises at about the same error as that of BeamSubspace with three sources:
-# five sources do not make it less sensitive to the beam.
+# small errors its points scatter by the difference between runs. With errors of the ripple its residual
+# begins to rise at about the same error as that of BeamSubspace with three sources. At the largest of these
+# errors it levels off, far below the residual of that method but of the order of HI or above. With errors of
+# the width it rises less.
 
 # %% tags=["hide-input"]
 galaxies = ("synthetic", "templates")

@@ -31,7 +31,7 @@
 #
 # | criterion | recommends |
 # |---|---|
-# | BIC | the minimum of $\langle \ln \sigma_\nu^2 \rangle_\nu + n_\mathrm{par} \ln N / (N N_\nu)$, with $\sigma_\nu^2$ the variance of the residual in a channel, $n_\mathrm{par}$ the number of entries of $A$ and $S$, and $N$ pixels; {cite:t}`schwarz1978` |
+# | BIC | the minimum of $\langle \ln \sigma_\nu^2 \rangle_\nu + n_\mathrm{par} \ln N / (N N_\nu)$, with $\sigma_\nu^2$ the variance of the residual in a channel, $n_\mathrm{par}$ the number of entries of $A$ ($n_s N_\nu$) and $S$ ($n_s N$), and $N$ pixels; {cite:t}`schwarz1978` |
 # | AIC | the same with 2 in place of $\ln N$; {cite:t}`akaike1974` |
 # | eigenvalues | the number of eigenvalues of the channel covariance that exceed the line of HI and noise by a factor of 3; for a beam-aware method, of maps at one resolution |
 # | stability | the first number after which one more source changes neither spectrum by 10 % or more in the mean over its scales |

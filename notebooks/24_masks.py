@@ -259,7 +259,9 @@ quote(
 #   within the separation adds foreground residual from the edge, at small $k_\nu$ and at the ripple; with
 #   five it lowers the error beyond the margin.
 # - **A mask within the separation helps PCA**, with the five components tried: the plane needs some that the
-#   rest of the sky does not. A mask after the separation does not help.
+#   rest of the sky does not. On these pixels, beyond the plane and its margin, a further mask after the
+#   separation changes little; over the full sky it excludes the pixels with the largest errors
+#   ({doc}`12_post_masking`).
 # - **The edge requires a margin**: within about two beam widths of it the error of BeamSubspace rises
 #   steeply. With three sources it exceeds that without a mask at all distances shown.
 # - **All methods can clean part of the sky.** In the tenth of the sky PCA, which is not affected by an edge,

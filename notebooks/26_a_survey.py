@@ -434,7 +434,8 @@ quote(
 #   above HI, which a few components cannot describe.
 # - **Weights have little effect here.** They keep the noise of the edge out of the components, but these then
 #   adapt more closely to fewer pixels: correct the signal loss.
-# - **Signal loss is larger for a small patch** than for the full sky; mocks with the same gaps measure it.
+# - **A method loses signal in a small patch**, where few pixels determine its components; mocks with the same
+#   gaps measure it.
 # - **Fits are less sensitive to gaps**, except at the smallest $k_\nu$ after correction, and insensitive to
 #   pixel weights, since each line of sight is fitted separately. The residual of the {glue:text}`survey_fit`
 #   has {glue:text}`survey_fit_low` of the power at $k_\nu < 0.3$ MHz$^{-1}$ with this beam.

@@ -227,6 +227,11 @@ TABLE = [
             ("noise", ((0.1, 0.2), 0.3), "noise must be one array"),
         )
     ),
+    *(
+        (partial(clean, name), "beams", np.ones((100, n)), f"with lmax of 1 or more, got .100, {n}")
+        for name in ("beam_subspace", "smooth_spectra")
+        for n in (0, 1)
+    ),
     (within, "beams", np.ones((4, 5)), "must reach l = 8, as beam_subspace does, got b_l to 4"),
     (subspace, "parameters", {"noise": (1, 2)}, "one value or 100, .*, got 2"),
     (method("sdecgmca"), "reading", "quick", "one of default, letter, code, code-rounding, .*, got 'quick'"),

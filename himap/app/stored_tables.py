@@ -225,7 +225,7 @@ def picture(folder, name, results=None):
     shown, made = _picture(folder, row, results)
     captions = [one.captions[name] for one in notebooks() if name in one.captions]
     captions = [f": {plain_caption(caption, whole=True)}" for caption in captions]
-    return f"{shown}\n\n*The paper's Fig. {row['paper']}, made again{''.join(captions)}.*\n\n{made}"
+    return f"{shown}\n\n*The paper's Fig. {row['paper']}, reproduced{''.join(captions)}.*\n\n{made}"
 
 
 def _picture(folder, row, results):

@@ -88,8 +88,9 @@ def evenly_spaced(freqs):
 def checked_beams(label, beams, n_channels):
     """b_l of every channel, (n_channels, lmax + 1) float64, finite and above zero."""
     beams = real_array(label, beams).astype(float)
-    if beams.ndim != 2 or len(beams) != n_channels:
-        raise InputError(f"{label} must be b_l of shape ({n_channels}, lmax + 1), got {beams.shape}.")
+    if beams.ndim != 2 or len(beams) != n_channels or beams.shape[1] < 2:
+        wanted = f"({n_channels}, lmax + 1) with lmax of 1 or more"
+        raise InputError(f"{label} must be b_l of shape {wanted}, got {beams.shape}.")
     bad = np.argwhere(~((beams > 0) & np.isfinite(beams)))
     if len(bad):
         channel, degree = bad[0]

@@ -21,8 +21,8 @@ _TITLES = {
     "P/P0, k < 0.03": r"$P/P_0$, $k < 0.03$",
     "P/P0, 0.03 to 0.1": r"$P/P_0$, $0.03 < k < 0.1$",
     "bump": r"$P/P_0$ at the ripple",
-    "flagged": "flagged share of the sky",
-    "condition": r"condition of $\mathbf{A}$, $10^5$",
+    "flagged": "flagged fraction of the sky",
+    "condition": r"condition number of $\mathbf{A}$ $/\,10^5$",
 }
 
 

@@ -1,5 +1,6 @@
 """Figures of the outcomes of readings of SDecGMCA."""
 
+import numpy as np
 import pandas as pd
 
 from himap.figures import plotting, styles
@@ -12,8 +13,6 @@ from himap.removal.sdecgmca.readings import READINGS
 _FAR = (1e-3, 1e3)  # largest range of axes of ratios
 _GAP = 0.8  # between named and other readings, in rows
 _COLUMNS = 5
-_TRUTH = {"label": "_truth", "color": "0.5", "linewidth": 0.8}
-_EDGES = (0.4, 2.2)  # of ratios shown as curves: a few per cent are visible
 _LOGARITHMIC = 10  # ratio of largest to smallest value above which an axis is logarithmic
 _LOOKS = dict(zip(READINGS, styles.sequence(list(READINGS)), strict=True))
 
@@ -86,8 +85,7 @@ def _points(values, places, *, shown):
 def curves_figure(outcomes):
     """C/C0(l) and P/P0(k) of the named readings, two panels for each sky.
 
-    Median and 16 to 84 % band of the restarts, which are thin lines. Ratios outside of the panels are
-    cut off.
+    Median and 16 to 84 % band of the restarts.
     """
     named = {label: outcomes[label].curves for label in READINGS if label in outcomes}
     rows = pd.concat(named, names=["label"]).reset_index("label")
@@ -98,19 +96,17 @@ def curves_figure(outcomes):
             shown, curves = rows[(rows["seed"] == seed) & (rows["quantity"] == curve)], []
             for label, several in shown.groupby("label", sort=False):
                 ys = several.pivot(index="restart", columns="x", values="value")
-                members = ys.to_numpy() if len(ys) > 1 else ys.to_numpy()[0]
-                curves.append((ys.columns.to_numpy(), members, _LOOKS[label]))
+                ranges = np.percentile(ys, [50, 16, 84], axis=0)
+                curves.append((ys.columns.to_numpy(), *ranges, _LOOKS[label]))
             panels.append(
                 {
-                    "curves": [([shown["x"].min(), shown["x"].max()], [1, 1], _TRUTH), *curves],
+                    "curves": curves,
                     "title": f"seed {seed}, {across}",
                     "xlabel": styles.AXES[kind]["xlabel"],
                     "ylabel": styles.AXES[kind]["ratio_label"],
-                    "xscale": "log",
-                    "ylim": _EDGES,
                 }
             )
-    return plotting.lines(panels, size=(5, 3.6), legend_above=True)
+    return plotting.ratios(panels, columns=2, size=(5, 3.4))
 
 
 def code_figure(compared, iterations):

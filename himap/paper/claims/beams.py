@@ -197,7 +197,7 @@ def oscillating_angular(sky):
     return finding(within["from 10 on"], parts, wording)
 
 
-@claim("O4", "oscillating", "4.2", "2", "highest P/P0 of SD near k = 0.31", "> 1, lowest")
+@claim("O4", "oscillating", "4.2", "2", "highest P/P0 of SD near k = 0.31", "> 1.1, lowest")
 def oscillating_peak(sky):
     """Every BSS method has a spurious peak in P/P0 near k = 0.3, SD the lowest.
 
