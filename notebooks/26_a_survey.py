@@ -416,6 +416,7 @@ quote(
     survey_neither_corrected=worst(corrected, first, "neither"),
     survey_fit=fit,
     survey_fit_low=band(ratios, fit, "weights and flags", "P, k < 0.3"),
+    survey_fit_corrected=worst(corrected, fit, "weights and flags"),
 )
 
 # %% [markdown]
@@ -438,7 +439,8 @@ quote(
 #   gaps measure it.
 # - **Fits are less sensitive to gaps**, except at the smallest $k_\nu$ after correction, and insensitive to
 #   pixel weights, since each line of sight is fitted separately. The residual of the {glue:text}`survey_fit`
-#   has {glue:text}`survey_fit_low` of the power at $k_\nu < 0.3$ MHz$^{-1}$ with this beam.
+#   has {glue:text}`survey_fit_low` of the power at $k_\nu < 0.3$ MHz$^{-1}$ with this beam; corrected, its worst
+#   mean deviates by {glue:text}`survey_fit_corrected`.
 #
 # Your own mocks, HI and noise by hits as here, correct the loss; give about ten, each with `--mocks`. On part
 # of the sky or with gaps they do not measure the foreground residual, and the coverage of the error bars is
