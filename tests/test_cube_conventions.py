@@ -121,6 +121,13 @@ class TestSaid:
         done = run("clean", "a.h5", *reading, "--method", "pca", "-p", "n_sources=2", "-o", "c.h5")
         for name in ("The truth", "t.npy"):
             assert f"{name}: the file does not state the pixel order: assumed to be RING" in done.output
+        assert "the truth is not HI and noise alone" in done.output  # it has the foreground
+        assert "times the power of the residual (median of bands)" in done.output
+
+    @pytest.mark.parametrize(("unit", "said"), [("mK", False), ("K", True)])
+    def test_a_sky_too_bright_for_its_unit(self, unit, said):
+        cube = read_cube(write_hdf5("a.h5", said={"unit": unit, "order": "RING"}))
+        assert any(f"is {unit} their unit?" in one for one in cube.remarks) == said
 
     def test_names_that_are_no_text(self):
         """Bytes that are no UTF-8: the cube is read and written, and its name shown in a way that can be."""

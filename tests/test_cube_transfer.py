@@ -382,6 +382,9 @@ class TestMeasured:
         no_loss = {kind: replace(one, share=np.ones_like(one.share)) for kind, one in both.items()}
         assert "differs from that of the mocks" not in " ".join(remarks_on(no_loss))
         assert both["angular"].expected[3:10] == pytest.approx(scale**2 / (6 + np.arange(7)), rel=0.3)
+        bright = {kind: replace(one, expected=1e6 * one.expected) for kind, one in both.items()}
+        (remark,) = remarks_on(bright)
+        assert re.search(r"the power of the residual .* in the unit that the file", remark)
 
     def test_data_like_the_mocks_where_power_falls_steeply(self, cleaned, rng):
         """Scatter that has no mean over a band is not held against its brightest multipoles alone."""

@@ -147,6 +147,7 @@ class TestUnits:
         (["bw20MHz_900MHz.fits", "ch003_900MHz.fits", "nside64_900MHz_v2.fits"], [900]),
         (["residual 1020.25 MHz"], [1020.25]),
         (["1420.40575MHz"], [1420.40575]),
+        (["f950MHz", "T_freq950.0MHz.fits", "nu0.95GHz"], [950]),
         (["bw_20MHz_900MHz", "900 MHz of 20 MHz"], {20, 900}),
         (["900MHz-910MHz"], [900, 910]),
         (["map_971p137MHz.fits", "map_.9GHz", "1.4e3MHz", "1,20.5 MHz", "900,5MHz"], []),  # other decimals

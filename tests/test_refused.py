@@ -360,7 +360,12 @@ TABLE = [
     (sensitivity_to, "widths", [0.9], "at most 0.5, got 0.9"),
     (sensitivity_to, "period", 0, "period .* above 0"),
     (sensitivity_to, "period", float(np.diff(FREQS)[0]), "nearly constant over the channels"),
-    (partial(sensitivity_to, beam="meerkat:band=L"), "dish", 12, "dish= applies to beams that depend on it"),
+    (
+        partial(sensitivity_to, beam="meerkat:band=L"),
+        "dish",
+        12,
+        "--dish. applies to beams",
+    ),
     *((partial(suggest, CUBE), "method", one, f"{one} has no number of sources; b") for one in UNCOUNTED),
     (partial(suggest, CUBE), "n_sources", range(5, 4), "got 5 to 3"),
     (partial(suggest, CUBE), "n_sources", [1.0, 2.5], "n_sources .*must be a whole number"),

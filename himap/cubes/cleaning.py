@@ -171,7 +171,8 @@ def method_for(cube, method, *, beams=None, **parameters):
     if by_line and n_seen < n_channels:  # as many spectra would represent all lines of sight
         raise InputError(
             f"{remover.name} estimates spectra from lines of sight, and only {n_seen} are observed, fewer "
-            f"than the {n_channels} channels: HI would be removed as foreground. Use more of the sky."
+            f"than the {n_channels} channels: HI would be removed as foreground. Use more of the sky; "
+            "in weights 0, in masks False and in flags any other value mean missing."
         )
     if beams is not None and "beams" in remover.uses:
         _check_reach("beams", np.asarray(beams), cube)
@@ -237,7 +238,7 @@ def beams_of(cube, beam, *, dish=None):
         ) from None
     if dish is not None and not beam.follows_dish:
         able = [name for name in all_beams.available() if all_beams.base.REGISTRY[name].follows_dish]
-        raise InputError(f"dish= applies to beams that depend on it: {', '.join(able)}.")
+        raise InputError(f"dish= (--dish) applies to beams that depend on it: {', '.join(able)}.")
     options = {"lmax": 3 * cube.nside - 1, "dish_diameter": DISH if dish is None else dish}
     if beam.by_line:
         beams = beam.windows(cube.layout.freqs, **options).total[cube.layout.channels]

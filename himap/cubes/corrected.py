@@ -12,7 +12,7 @@ from himap.cubes.report import figure, panel
 from himap.figures import plotting, styles
 from himap.figures.tables import Table
 from himap.measures.bootstrap import LEVEL, chance_of, covariance, sigma
-from himap.measures.diagnostics import bands
+from himap.measures.diagnostics import bands, plain_band
 from himap.measures.spectra import decouple
 from himap.measures.transfer import quotient
 
@@ -23,6 +23,7 @@ HEADER_OF_TRUTH = ("residual / truth", "corrected / truth", "pull", "total pull"
 """Additional columns if the truth is known."""
 
 _MOST = 0.5  # share of the residual power
+_BRIGHTER = 100  # power of mocks over that of the residual, median of bands, far above a usual signal loss
 _LOST = 0.01  # share of the power: with less signal loss, mocks that differ from the data do no harm
 
 
@@ -198,6 +199,14 @@ def in_bands(corrected):
 def remarks_on(corrected):
     """Remarks on the result of `correct`, a list of sentences."""
     places, most, ratios = in_bands(corrected), [], []
+    brighter = np.median(
+        [np.sum(one.expected[inside]) / np.sum(one.residual[inside]) for one, inside in places.values()]
+    )
+    if brighter > _BRIGHTER:
+        return [
+            f"The mocks have about {brighter:.2g} times the power of the residual (median of bands), so the "
+            "corrected spectra are wrong: mocks must be HI and noise only, in the unit that the file states."
+        ]
     for name, (one, inside) in places.items():
         if np.sum(one.foreground[inside]) > _MOST * np.sum(one.residual[inside]):
             most.append(name)
@@ -214,7 +223,7 @@ def remarks_on(corrected):
         remarks.append(
             f"Most of the residual in {', '.join(most)} is not explained by the mocks: foreground residual, "
             "to be reduced by more sources (`himap suggest` recommends a number), unless the beam is wrong "
-            "or the mocks lack noise (--mock-noise)."
+            "or the mocks are too faint, such as without noise (--mock-noise) or in another unit."
         )
     if ratios:
         remarks.append(
@@ -270,12 +279,6 @@ def correlation_table(corrected):
     ]
     note = "Correlations of the error bars of bands."
     return Table(["", *columns], rows, align="l" + "r" * len(columns), note=note)
-
-
-def plain_band(name):
-    """Convert the name of a band of ratios to that of a band of the spectrum."""
-    ratio, _, where = name.partition(", ")
-    return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
 
 
 def band_table(header, rows, note=""):

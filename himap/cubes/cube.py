@@ -15,6 +15,10 @@ from himap.removal import using
 from himap.removal.data import checked_mask, checked_weights, means_of, missing_of
 
 _TWICE = 1e-8  # relative: closer channels have the same frequency
+_SKY, _BRIGHT = (
+    3e3,
+    300,
+)  # mK, brightness of the sky at 1 GHz as an order of magnitude; times that: a wrong unit
 _FEW = 0.01  # largest share of pixels that may be masked in all channels because some channels lack them
 
 
@@ -296,6 +300,13 @@ def _remarks_on(cube):
             f"{np.mean(cube.missing):.2%} of the voxels in these pixels are missing (flagged, not seen or of "
             "no weight): they have no weight, their residual is not known, and the spectra have 0 in "
             "their place."
+        )
+    rms = np.sqrt(np.mean([row.var(dtype=np.float64) for row in cube.maps]))
+    sky = _SKY * np.mean(cube.freqs / 1000) ** -2.7
+    if rms > _BRIGHT * sky:
+        remarks.append(
+            f"the maps have an rms of {rms / 1000:.3g} K, where the sky has some {sky / 1000:.2g} K: is "
+            f"{cube.layout.unit} their unit?"
         )
     empty = np.mean(~cube.maps.any(axis=0))
     if empty:

@@ -217,11 +217,13 @@ def _with_freqs(path, n_channels, layout, freqs):
         shown=partial(np.array2string, threshold=5, edgeitems=2),
     )
     if freqs is None:
-        how = " File names state them if each has one number in MHz or GHz, as map_950.5MHz.fits has."
+        how = (
+            " Names of files or columns state them if each has one number in MHz or GHz, as map_950.5MHz has."
+        )
         raise InputError(
             f"{path} does not state its frequencies; give them with freqs= (--freqs FILE), MHz"
             f"{', or name their dataset (--freqs-name)' * (format_of(path) == 'HDF5')}."
-            f"{how * bool(layout.names)}"
+            f"{how * (bool(layout.names) or format_of(path) == 'FITS')}"
         )
     if freqs.shape != (n_channels,):
         raise InputError(

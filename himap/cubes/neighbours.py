@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from himap.cubes.corrected import band_table, plain_band
+from himap.cubes.corrected import band_table
 from himap.measures.bootstrap import LEVEL, chance_of, sigma
-from himap.measures.diagnostics import bands
+from himap.measures.diagnostics import bands, plain_band
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 import base64
 import html
 import io
+import warnings
 from dataclasses import asdict
 from pathlib import Path
 
@@ -76,7 +77,9 @@ def note(text):
 def figure(picture, alt, text, *, title=""):
     """HTML of a matplotlib figure with a caption below and a title above."""
     buffer = io.BytesIO()
-    picture.savefig(buffer, format="png", dpi=100, bbox_inches="tight")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Creating legend")  # that takes long on a busy machine
+        picture.savefig(buffer, format="png", dpi=100, bbox_inches="tight")
     data = base64.b64encode(buffer.getvalue()).decode()
     return (
         (f"<h2>{html.escape(title)}</h2>\n" if title else "")
@@ -110,7 +113,7 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None)
     parts.append(figure(spectra_figure(spectra), f"{alt} power spectrum", text, title="Spectra"))
     if isinstance(spectra, Comparison):
         means = band_means(spectra.ratios, spectra.degrees, spectra.k)
-        rows = [(name, f"{mean:.3f}") for name, mean in means.items()]
+        rows = [(name, f"{mean:.3g}") for name, mean in means.items()]
         parts += ["<h3>Over the truth</h3>", Table([], rows)]
     if on_plane:
         parts.append(cylindrical_part(cleaned, truth))

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from himap.core.progress import progress
-from himap.cubes.corrected import band_table, plain_band
+from himap.cubes.corrected import band_table
 from himap.cubes.report import figure, panel
 from himap.cubes.spectra import analysed, power_spectra
 from himap.figures import plotting, styles
-from himap.measures.diagnostics import bands
+from himap.measures.diagnostics import bands, plain_band
 
 PERCENTILES = (16, 50, 84)
 """Of the members: the limits of the band, and the median."""

@@ -6,7 +6,6 @@ import pandas as pd
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.cubes.cleaning import beams_of
-from himap.cubes.corrected import plain_band
 from himap.cubes.report import figure, write_page
 from himap.cubes.transfer import alms_of, mock_power_of_change
 from himap.figures import plotting, styles
@@ -14,6 +13,7 @@ from himap.figures.tables import Table
 from himap.instrument.beams import named
 from himap.instrument.beams.base import Beam
 from himap.instrument.beams.others import PerturbedBeam
+from himap.measures.diagnostics import plain_band
 
 WIDTHS, RIPPLES = (-1e-2, -1e-3, 1e-3, 1e-2), (1e-5, 1e-4, 1e-3)
 """Default errors of the FWHM, relative: the same in all channels, and oscillating."""

@@ -10,7 +10,7 @@ from himap.core.progress import progress
 from himap.cubes.layout import same_freqs
 from himap.maps.patches import patch_centres, patch_pixels
 from himap.measures.cylindrical import cell_of, cylindrical_power
-from himap.measures.diagnostics import Comparison
+from himap.measures.diagnostics import Comparison, band_means
 from himap.measures.low_rank_spectra import difference, masked_alms, recovered_power
 from himap.measures.spectra import AngularPower, PowerSpectra, angular_power, frequency_power
 
@@ -20,6 +20,7 @@ PATCH = np.deg2rad(14)
 _FINER = 2  # cells per pixel along one side, so that all pixels are sampled
 _LEAST, _MOST = 0.8, 48  # observed share of a patch, and number of patches
 _ALIKE = 1e-5  # relative: equal maps within rounding
+_LOST = 0.02  # power of a residual over the truth, far below that of a usual signal loss
 
 
 def spectra_of(cleaned, near=None):
@@ -76,6 +77,18 @@ def compared(cleaned, truth):
     return Comparison.of(spectra_of(cleaned, near), power_spectra(cube, seen, near), l_top=l_top)
 
 
+def remarks_on_truth(comparison):
+    """A remark if a `Comparison` with the truth suggests that it has another unit or foreground; a list."""
+    means = band_means(comparison.ratios, comparison.degrees, comparison.k)
+    typical = float(np.median([*means.values()]))
+    if typical > _LOST:
+        return []
+    return [
+        f"The residual has about {typical:.2g} times the power of the truth. Unless most signal is lost, the "
+        "unit of one of the two is wrong, or the truth is not HI and noise alone."
+    ]
+
+
 def check_truth(cube, truth, label="the truth"):
     """Refuse a truth, a `Cube` called `label` in errors, that does not match `cube`.
 
@@ -85,7 +98,7 @@ def check_truth(cube, truth, label="the truth"):
     if not pixels.same(others) or len(truth.freqs) != len(cube.freqs):
         raise InputError(
             f"{label} must have the channels and the {pixels.grid} of the cube, {len(cube.freqs)} and "
-            f"{pixels}; got {len(truth.freqs)} and {others}."
+            f"{pixels}; got {len(truth.freqs)} and {others.grid} {others}."
         )
     for one, other in zip(truth.freqs, cube.freqs, strict=True):
         if not same_freqs(one, other):

@@ -130,9 +130,10 @@ def _read(path, word, layout):
     if own.whole_sky and theirs.pixels.whole_sky and theirs.pixels.nested is None:
         raise InputError(f"{label} must state ORDERING = RING or NESTED; write it with healpy.write_map.")
     if not (own.whole_sky and theirs.pixels.whole_sky) and not own.same(theirs.pixels):
+        got = f"{theirs.pixels.grid} {theirs.pixels}"
         raise InputError(
-            f"{label} must have the {own.grid} of the cube, {own}, got {theirs.pixels}, or other "
-            "coordinates; reproject them to the header of the cube."
+            f"{label} must have the {own.grid} of the cube, {own}, got {got}, or other coordinates; "
+            "reproject them to the header of the cube."
         )
     if len(maps) > 1 and not own.whole_sky and any(np.diff(own.parts[0].turn) != 1):
         raise InputError(

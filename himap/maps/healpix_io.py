@@ -32,7 +32,10 @@ _RAYLEIGH_JEANS = re.compile(r"[ _]?\{?\(?(rj|t_?b|t_?mb)\)?\}?$")  # and main-b
 _NUMBERS = "BIJKED"  # letters of TFORM: integers and floats
 _UNSEEN = 1e-5  # relative distance from healpy's UNSEEN up to which a pixel is missing
 _FACTOR = {"mhz": 1.0, "ghz": 1e3}
-_FREQ = re.compile(r"(?<![^\W_])(?<![.,])([0-9]+(?:\.([0-9]+))?)[ _-]?(mhz|ghz)(?![^\W_])", re.IGNORECASE)
+_FREQ = re.compile(  # f950MHz is one, but not bw20MHz or 950p5MHz
+    r"(?<![^\W_])(?<![.,])(?:f|freq|frequency|nu)?([0-9]+(?:\.([0-9]+))?)[ _-]?(mhz|ghz)(?![^\W_])",
+    re.IGNORECASE,
+)
 _HERTZ = (1.0, 1e3, 1e-6)  # MHz in the possible units of a header without one: MHz, GHz, Hz
 _ROUNDING = 1e-6  # relative difference up to which frequencies agree
 
@@ -90,7 +93,9 @@ def read_maps(path, *, n_maps=None, held=1, logical=False):
     with reading(path, "HEALPix maps in FITS"), quiet, fits.open(path, memmap=False) as file:
         tables = [hdu for hdu in file if isinstance(hdu, fits.BinTableHDU)]
         if not tables:
-            raise InputError("there is no table of maps; images in the plane are none.")
+            raise InputError(
+                "there is no table of maps, or the file is incomplete; images in the plane are none."
+            )
         lasts = [hdu.columns.dtype[-1].shape for hdu in tables]
         sizes = [hdu.header["NAXIS2"] * math.prod(shape) for hdu, shape in zip(tables, lasts, strict=True)]
         if sizes.count(sizes[0]) > 1 and n_maps is None:
@@ -276,9 +281,10 @@ class Stated(NamedTuple):
 def freqs_in(name):
     """The frequencies stated in the name of a file or column, a list of `Stated`; one for a single map.
 
-    For example map_950.5MHz.fits: a decimal in MHz or GHz between separators such as _ and -, or at an end. A
-    number that follows other digits, with only separators between, may be the end of a range (900-910MHz) or
-    of a number (900_11MHz), and is ignored.
+    For example map_950.5MHz.fits: a decimal in MHz or GHz between separators such as _ and -, or at an end;
+    f, freq, frequency or nu may precede it (f950MHz), other letters not. A number that follows other digits,
+    with only separators between, may be the end of a range (900-910MHz) or of a number (900_11MHz), and is
+    ignored.
     """
     stated = []
     for match in _FREQ.finditer(name):

@@ -80,6 +80,12 @@ def band_means(ratios, angular, frequency, table=BANDS, *, complete=True):
     return {name: ratios[kind][..., inside].mean(axis=-1) for name, (kind, inside) in reached.items()}
 
 
+def plain_band(name):
+    """Convert the name of a band of ratios to that of a band of the spectrum."""
+    ratio, _, where = name.partition(", ")
+    return f"C(l), l {where}" if ratio == "C/C0" else f"P(k), k {where.removeprefix('k ')}"
+
+
 def _within(x, low, high):
     return (np.asarray(x) > low) & (np.asarray(x) < high)
 

@@ -127,7 +127,7 @@ def _cleaned(asked):
     from himap.cubes.files import read_truth
     from himap.cubes.neighbours import in_neighbours, neighbours_table, remarks_on_neighbours
     from himap.cubes.report import cylindrical_part, write_report
-    from himap.cubes.spectra import check_truth, compared, spectra_of
+    from himap.cubes.spectra import check_truth, compared, remarks_on_truth, spectra_of
     from himap.cubes.transfer import measure_transfer
     from himap.cubes.writing import check_columns
     from himap.removal import create
@@ -153,6 +153,7 @@ def _cleaned(asked):
     options = {"beams": beams, "peaks": asked.peaks, "restarts": asked.restarts}
     cleaned, more, corrected = clean_cube(cube, remover, **options), [], None
     comparison = None if true is None else compared(cleaned, true)
+    tell(asked, *([] if true is None else remarks_on_truth(comparison)))
     spectra = None if true is not None and mocks is None else spectra_of(cleaned)
     if mocks is not None:
         measured = measure_transfer(cleaned, mocks, beams=beams)

@@ -46,7 +46,7 @@ def named(text):
     if not isinstance(text, str | Path):
         raise InputError(f"a beam is a name or the path of a file, got {text!r}.")
     name, _, parameters = str(text).partition(":")
-    if not is_file(text):
+    if not (is_file(text) or "/" in name or Path(name).suffix):  # else a path, perhaps of no file
         name = _BEAMS.find(name)
     if not _BEAMS.holds(name):
         return create("file", path=str(text))
