@@ -133,7 +133,7 @@ runs = next(entry.members for entry in recorded if entry.claim.id == "V7")
 
 def failing(beam):
     """How many members fail through a beam, with the 1 sigma interval of the probability."""
-    held = main_parts["V7"].set_index("part")["mean"][f"does not fail, {beam} beam"]
+    held = main_parts["V7"].reset_index().set_index("part")["mean"][f"does not fail, {beam} beam"]
     count = round(len(runs) * (1 - held))
     low, high = wilson(count, len(runs))
     return f"{count} of {len(runs)} ({100 * low:.0f}–{100 * high:.0f} %)"
