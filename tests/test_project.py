@@ -93,7 +93,7 @@ def test_table_and_toc_have_every_figure_and_notebook():
         links = re.findall(r"\[(\w+)\]\(\.\./notebooks/(\w+)\.ipynb\)", notebook)
         assert what and (links or notebook == "planned"), paper
         assert all(text == target for text, target in links), paper
-        assert paper in PAPER or paper.startswith("Sect. ") or paper == "Beyond it"
+        assert paper in PAPER or paper.startswith("Sect. ") or paper == "Beyond the paper"
         linked |= dict(links).keys()
     assert linked == set(NOTEBOOKS)
     assert [paper for paper, _, _ in table_rows() if paper in PAPER] == PAPER
