@@ -341,7 +341,7 @@ def test_ratios_of_an_ensemble_are_its_median_and_its_band():
 def test_one_picture():
     text = picture("paper_templates", "fig-results-frequency")
     assert text.count("paper_templates/fig-results-frequency.png") == 2
-    assert "*The paper's Fig. 2, made again: Frequency power spectrum" in text
+    assert "*The paper's Fig. 2, reproduced: Frequency power spectrum" in text
     assert re.search(r"\n\n\*paper, templates \(nside 64\) Galaxy · .*himap [\d.]+, commit \w+\*$", text)
     with pytest.raises(InputError, match="no stored figure fig-two in paper_templates; there are fig-"):
         picture("paper_templates", "fig-two")

@@ -25,7 +25,7 @@ DEFINED = {
     ),
     "book/glossary.md": "10 %, 84 %",
     "book/intro.md": "2511.13328",
-    "notebooks/00_the_answer.py": "10 %, 5 %, 84 %, 95 %",
+    "notebooks/00_the_answer.py": "10 %, 5 %, 84 %, 95 %, 1.1",
     "notebooks/01_simulations.py": (
         "1420.4 MHz, 1400 MHz, ten thousand times, 408 MHz, 30 GHz, 1.4 GHz, 0.2, 4 MHz, 1300 MHz, 1.66°, "
         "6 %, 2 Mpc"
