@@ -67,7 +67,9 @@ def test_curves_of_the_readings_with_a_name():
         f"{name}, {part}" for name in ("default", "code") for part in ("low", "middle", "high")
     }
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["default", "code"]
-    rows = [row[2:] for row in numbers(figure) if row[:2] == ("seed 7, along the line of sight", "code")]
+    rows = [
+        row[2:] for row in numbers(figure) if row[:2] == ("seed 7, along the line of sight", "code, middle")
+    ]
     assert rows == [(0.1, 0.5), (0.2, 1.0)]
 
 
