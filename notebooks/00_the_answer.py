@@ -30,8 +30,8 @@
 # changes with frequency, both in the public code and in himap.** With the oscillating beam a relative change
 # of its start by $10^{-10}$ changes the column space of the mixing matrix within ten iterations (sine of the
 # largest angle, in the median at least {glue:text}`27_restarts.ipynb::restarts_late:s` from then on). These
-# runs do not reach the paper's stopping rule ({doc}`27_restarts`). A restart *fails* if its mean $|C/C_0 -
-# 1|$ at $10 < \ell < 200$ exceeds 10 %, and may then be off by orders of magnitude. With the real Galaxy at
+# runs do not reach the paper's stopping rule ({doc}`27_restarts`). A restart *fails* if its mean
+# $|C/C_0 - 1|$ at $10 < \ell < 200$ exceeds 10 %, and may then be off by orders of magnitude. With the real Galaxy at
 # half the paper's resolution {glue:text}`15_claims.ipynb::claims_failing:s` runs fail with the oscillating
 # beam and {glue:text}`15_claims.ipynb::claims_failing_evolving:s` with the evolving one (skies times
 # restarts, the *members* of an ensemble; in brackets the $1\,\sigma$ interval of the probability); other
@@ -267,8 +267,8 @@ claims_of(2)
 # {glue:text}`answer_orders_pictures` and {glue:text}`answer_orders_large`. At `quick` a fifth component
 # removes these modes ({doc}`22_how_many`).
 #
-# GMCA has a larger excess than PCA at the smallest multipoles and at $k_\nu < 0.1$ MHz$^{-1}$. At $0.1 <
-# k_\nu < 0.2$ MHz$^{-1}$, where E3 requires a mean above 1.1, its excess is smaller than that. At
+# GMCA has a larger excess than PCA at the smallest multipoles and at $k_\nu < 0.1$ MHz$^{-1}$. At
+# $0.1 < k_\nu < 0.2$ MHz$^{-1}$, where E3 requires a mean above 1.1, it is lower. At
 # intermediate multipoles it has the clear excess that E3 requires in {glue:text}`answer_intermediate` of the
 # members at `laptop`, in {glue:text}`answer_large_intermediate` at the paper's size, and on the one sky with
 # smoothed HI ({doc}`18_paper_size`).

@@ -30,9 +30,9 @@
 # T(\nu) = \alpha_1(p) \left(\frac{\nu}{\nu_0}\right)^{-2.13} + \alpha_2(p) \left(\frac{\nu}{\nu_0}\right)^{\beta(p)} .
 # ```
 #
-# The index in the simulations is $-2.14$, in the paper as here. The authors assume that point sources are
-# absorbed by these terms, and report that the fit fails with the evolving and the oscillating beam. This
-# chapter tests when the model holds.
+# The index of free-free emission in the simulations is $-2.14$, in the paper as here. The authors assume that
+# point sources are absorbed by these terms, and report that the fit fails with the evolving and the
+# oscillating beam. This chapter tests when the model holds.
 
 # %% tags=["parameters"]
 preset: str = "quick"  # ci, quick, laptop or paper

@@ -200,7 +200,10 @@ def remarks_on(corrected):
     """Remarks on the result of `correct`, a list of sentences."""
     places, most, ratios = in_bands(corrected), [], []
     brighter = np.median(
-        [np.sum(one.expected[inside]) / np.sum(one.residual[inside]) for one, inside in places.values()]
+        [
+            quotient(np.sum(one.expected[inside]), np.sum(one.residual[inside]))
+            for one, inside in places.values()
+        ]
     )
     if brighter > _BRIGHTER:
         return [

@@ -15,10 +15,8 @@ from himap.removal import using
 from himap.removal.data import checked_mask, checked_weights, means_of, missing_of
 
 _TWICE = 1e-8  # relative: closer channels have the same frequency
-_SKY, _BRIGHT = (
-    3e3,
-    300,
-)  # mK, brightness of the sky at 1 GHz as an order of magnitude; times that: a wrong unit
+_SKY = 3e3  # mK, order of magnitude of the brightness of the sky at 1 GHz
+_BRIGHT = 300  # times that: probably another unit
 _FEW = 0.01  # largest share of pixels that may be masked in all channels because some channels lack them
 
 
@@ -264,6 +262,12 @@ def _seen_channels(seen, freqs):
     return channels
 
 
+def rms_of(maps, missing=None):
+    """Rms of maps (n_channels, n_seen) over observed voxels, without the means of channels."""
+    kept = [slice(None)] * len(maps) if missing is None else ~missing
+    return np.sqrt(np.mean([row[some].var(dtype=np.float64) for row, some in zip(maps, kept, strict=True)]))
+
+
 def _remarks_on_file(cube, seen, dead, dtype):
     """Omissions of a `Cube` relative to its file of this dtype, and likely mistakes, a list of sentences."""
     remarks, n_left = [], len(seen) - len(cube.freqs)
@@ -283,6 +287,12 @@ def _remarks_on_file(cube, seen, dead, dtype):
             "Pixels missing in some channels are masked in all; methods with weights use their remaining "
             f"voxels ({', '.join(using('weights'))})."
         )
+    rms, sky = rms_of(cube.maps, cube.missing), _SKY * np.mean(cube.freqs / 1000) ** -2.7
+    if rms > _BRIGHT * sky:
+        remarks.append(
+            f"the maps have an rms of {rms / 1000:.3g} K, where the sky has some {sky / 1000:.2g} K: is "
+            f"{cube.layout.unit} their unit?"
+        )
     if dtype.itemsize == 2 and dtype.kind == "f":
         rounding = np.abs(cube.maps).max() * np.finfo(np.float16).eps / 2
         remarks.append(
@@ -300,13 +310,6 @@ def _remarks_on(cube):
             f"{np.mean(cube.missing):.2%} of the voxels in these pixels are missing (flagged, not seen or of "
             "no weight): they have no weight, their residual is not known, and the spectra have 0 in "
             "their place."
-        )
-    rms = np.sqrt(np.mean([row.var(dtype=np.float64) for row in cube.maps]))
-    sky = _SKY * np.mean(cube.freqs / 1000) ** -2.7
-    if rms > _BRIGHT * sky:
-        remarks.append(
-            f"the maps have an rms of {rms / 1000:.3g} K, where the sky has some {sky / 1000:.2g} K: is "
-            f"{cube.layout.unit} their unit?"
         )
     empty = np.mean(~cube.maps.any(axis=0))
     if empty:

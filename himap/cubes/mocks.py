@@ -9,6 +9,7 @@ from himap.core.checks import checked_beams, checked_noise, evenly_spaced, whole
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.core.survey import Survey
+from himap.cubes.cube import rms_of
 from himap.cubes.files import read_truth
 from himap.cubes.spectra import check_truth
 from himap.maps import sphere
@@ -47,10 +48,8 @@ def read_mocks(cube, paths, *, tell=None, **reading):
             tell(f"{path}: {remark}")
         check_truth(cube, mock, f"{path}: a mock")
         maps = mock.maps[:, cube.mask[mock.mask]]
-        if tell:
-            rms = [np.sqrt(np.mean([channel.var() for channel in one])) for one in (maps, cube.maps)]
-            if (share := rms[0] / rms[1]) > _BRIGHT:
-                tell(f"{path} has {share:.2g} times the rms of the cube: mocks are HI and noise only.")
+        if tell and (share := rms_of(maps) / rms_of(cube.maps)) > _BRIGHT:
+            tell(f"{path} has {share:.2g} times the rms of the cube: mocks are HI and noise only.")
         yield maps
 
 

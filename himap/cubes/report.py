@@ -12,6 +12,7 @@ import numpy as np
 from himap import __version__
 from himap.core.errors import InputError
 from himap.cubes.cleaning import check_cleaned
+from himap.cubes.cube import rms_of
 from himap.cubes.spectra import PATCH, compared, patch_power, spectra_of
 from himap.figures import planes, plotting, styles
 from himap.figures.tables import Table
@@ -128,17 +129,12 @@ def write_report(cleaned, path, *, truth=None, spectra=None, more=(), said=None)
 def _head(cleaned, said):
     cube, method, pixels = cleaned.cube, cleaned.method, cleaned.cube.layout.pixels
     parameters = [f"{name} = {value}" for name, value in asdict(method).items()]
-    kept = [slice(None)] * len(cube.maps) if cube.missing is None else ~cube.missing
-    rms_before, rms_after = (  # of observed voxels, without the means of channels
-        np.sqrt(np.mean([row[some].var(dtype=np.float64) for row, some in zip(maps, kept, strict=True)]))
-        for maps in (cube.maps, cleaned.residual)
-    )
     facts = {
         "method": ", ".join([method.name, *parameters]),
         "channels": f"{len(cube.freqs)}, {cube.freqs[0]:g} to {cube.freqs[-1]:g} MHz",
         "sky": f"{pixels.described(cube.layout.unit)}; {cube.mask.mean():.1%} observed",
-        "rms of the input": f"{rms_before:.4g} mK",
-        "rms of the residual": f"{rms_after:.4g} mK",
+        "rms of the input": f"{rms_of(cube.maps, cube.missing):.4g} mK",
+        "rms of the residual": f"{rms_of(cleaned.residual, cube.missing):.4g} mK",
         "peak masking": f"{cleaned.flagged:.2%} of the voxels replaced before the foreground was estimated",
         "iterations": f"{cleaned.separation.n_iterations}",
     }

@@ -81,7 +81,7 @@ def remarks_on_truth(comparison):
     """A remark if a `Comparison` with the truth suggests that it has another unit or foreground; a list."""
     means = band_means(comparison.ratios, comparison.degrees, comparison.k)
     typical = float(np.median([*means.values()]))
-    if typical > _LOST:
+    if not typical <= _LOST:
         return []
     return [
         f"The residual has about {typical:.2g} times the power of the truth. Unless most signal is lost, the "

@@ -153,7 +153,8 @@ def _cleaned(asked):
     options = {"beams": beams, "peaks": asked.peaks, "restarts": asked.restarts}
     cleaned, more, corrected = clean_cube(cube, remover, **options), [], None
     comparison = None if true is None else compared(cleaned, true)
-    tell(asked, *([] if true is None else remarks_on_truth(comparison)))
+    if comparison is not None:
+        tell(asked, *remarks_on_truth(comparison))
     spectra = None if true is not None and mocks is None else spectra_of(cleaned)
     if mocks is not None:
         measured = measure_transfer(cleaned, mocks, beams=beams)
