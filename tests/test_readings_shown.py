@@ -2,6 +2,7 @@
 
 import csv
 import io
+from dataclasses import replace
 
 import pytest
 from ledgers import contrast, luminance, outcome, run
@@ -59,13 +60,18 @@ def test_bands_have_a_point_for_every_run():
 
 
 def test_curves_of_the_readings_with_a_name():
-    figure = curves_figure(SHOWN)
+    rows = SHOWN["default"].curves
+    apart = replace(SHOWN["default"], curves=rows.assign(value=rows["value"] * (1 + rows["restart"])))
+    figure = curves_figure(SHOWN | {"default": apart})
     ways = ("across the sky", "along the line of sight")
     assert [axes.get_title() for axes in figure.axes] == [f"seed {n}, {way}" for n in (7, 8) for way in ways]
     found = {(panel, curve) for panel, curve, *_ in numbers(figure)}
     assert {curve for panel, curve in found if panel == "seed 8, across the sky"} == {
         f"{name}, {part}" for name in ("default", "code") for part in ("low", "middle", "high")
     }
+    several = [("seed 8, across the sky", f"default, {part}") for part in ("low", "middle", "high")]
+    low, middle, high = ([y for *curve, _, y in numbers(figure) if tuple(curve) == one] for one in several)
+    assert low and all(a < b < c for a, b, c in zip(low, middle, high, strict=True))
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["default", "code"]
     rows = [
         row[2:] for row in numbers(figure) if row[:2] == ("seed 7, along the line of sight", "code, middle")

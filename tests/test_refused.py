@@ -179,6 +179,8 @@ TABLE = [
     (Cosmology().redshift_at, "distance", 9000.0, BETWEEN),
     (Cosmology, "omega_m", 0.04, "omega_b < omega_m"),
     (partial(lognormal_box, 8, 1000.0, None), "hi_bias", "Contrast", "must be exponential or contrast"),
+    (named, "text", "beams/nowhere", "there is no file of widths or b_l of a beam 'beams/nowhere'"),
+    (named, "text", "nowhere.txt", "there is no file of widths or b_l of a beam 'nowhere.txt'"),
     (named, "text", "square", "unknown beam 'square'; there are degraded, evolving, file, "),
     (named, "text", "evolving:width=3", "evolving has no parameter 'width'; its parameters are none"),
     (named, "text", "oscillating:riple=additive", r"did you mean ripple\?"),
