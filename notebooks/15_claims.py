@@ -111,7 +111,7 @@ warnings.simplefilter("ignore", SeparationWarning)  # the chapters of the method
 # and frequency (`laptop`: nside 128, 250 channels; skies: {glue:text}`claims_realisations`), measured by
 #
 # ```sh
-# himap measure claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER -p n_realisations=5 -p n_restarts=4 -p n_sources_max=8
+# himap measure claims --preset laptop --jobs 2 -p galaxy=templates -p template_dir=FOLDER -p n_realisations=5 -p n_restarts=8 -p n_sources_max=8
 # ```
 #
 # with the templates that `himap templates FOLDER` writes. The first row counts its verdicts. In the second

@@ -305,6 +305,7 @@ TABLE = [
     (partial(pipeline.Case, survey=SURVEY), "beam", "degraded", "a Case takes a beam, such as Degraded"),
     (partial(pipeline.Case, survey=SURVEY), "dimming", 0.1, "dimming must be a Dimming or None, got 0.1"),
     (Region, "north", "yes", "north must be True or False, got 'yes'"),
+    (Mock, "gaussian", "no", "gaussian must be True or False, got 'no'"),
     (ways_of(removal.BeamSubspace()), "way", "outside", "no mask, post-masked, dimmed or inside, got 'outsi"),
     (ways_of(removal.SDecGMCA(reading="code")), "way", "inside", "residual of sdecgmca ends at some l"),
     (partial(recovered, CASE, (removal.PCA(),)), "mock", Mock(seed=SURVEY.seed), "another sky than the data"),

@@ -161,13 +161,15 @@ def with_fields(kind, values):
 def checked_fields(instance):
     """Convert every field of a frozen dataclass, each a `parameter`, to its type; check limits or choices.
 
-    Fields without choices and of types other than int and float must be checked by their class.
+    Fields without choices and of types other than int, float and bool must be checked by their class.
     """
     for item in fields(instance):
         value, choices = getattr(instance, item.name), item.metadata["choices"]
         if choices and not any(type(value) is type(choice) and value == choice for choice in choices):
             *others, last = map(str, choices)
             raise InputError(f"{item.name} must be {', '.join(others)} or {last}, got {value!r}.")
+        if item.type is bool and not isinstance(value, bool | np.bool_):
+            raise InputError(f"{item.name} must be True or False, got {value!r}.")
         if choices or item.type not in (int, float):
             continue
         label = f"{item.name} ({item.metadata['help']}) must be"

@@ -41,8 +41,6 @@ class Region:
 
     def __post_init__(self):
         checked_fields(self)
-        if not isinstance(self.north, bool | np.bool_):
-            raise InputError(f"north must be True or False, got {self.north!r}.")
 
     def depth(self, nside):
         """Distance of each pixel from the edge, deg, negative outside, (n_pix,)."""
