@@ -40,23 +40,17 @@ def skies(*, n_mocks=8, **settings):
 @product(name="measured_transfer")
 def measure(sky):
     """Ratios to the truth, corrections and error bars in each band, for each method of a `Sky`."""
-    pairs = [(case, remover) for case, removers in sky.methods.items() for remover in removers]
-    members = [
-        (case, tuple(removers), mock, sky.mocks)
-        for case, removers in sky.methods.items()
-        for mock in sky.mocks
-    ]
-    own = [(own_recovery, pair) for pair in pairs]
-    own += [(foreground_left, (*pair, sky.mocks)) for pair in pairs]
-    grid.make_products([(resampled, call) for call in members] + own)
-    found = {case: bootstrap(case, removers, sky.mocks) for case, removers in sky.methods.items()}
-    return [
-        grid.method_columns(remover) | row
-        for case, remover in pairs
-        for row in corrected_bands(
-            own_recovery(case, remover), foreground_left(case, remover, sky.mocks), found[case][remover]
-        )
-    ]
+    ((case, removers),) = sky.methods.items()
+    work = [(resampled, (case, tuple(removers), mock, sky.mocks)) for mock in sky.mocks]
+    work += [(own_recovery, (case, remover)) for remover in removers]
+    work += [(foreground_left, (case, remover, sky.mocks)) for remover in removers]
+    grid.make_products(work)
+    transfers, rows = bootstrap(case, removers, sky.mocks), []
+    for remover in removers:
+        power, left = own_recovery(case, remover), foreground_left(case, remover, sky.mocks)
+        found = corrected_bands(power, left, transfers[remover])
+        rows += [grid.method_columns(remover) | row for row in found]
+    return rows
 
 
 def corrected_bands(power, left, transfer):
@@ -110,7 +104,6 @@ def chi_squared(table):
 
 def _summary(table):
     """Means over skies for each method and band, and on how many skies the error bar covers the truth."""
-
     groups = table.groupby(["method", "n_sources", "band"], sort=False)
     means = groups[["uncorrected", "corrected", "error_bar", "foreground"]].mean()
     means.insert(2, "scatter", groups["corrected"].std())
