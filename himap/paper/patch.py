@@ -12,7 +12,7 @@ import pandas as pd
 from astropy.coordinates import SkyCoord
 
 from himap.core.checks import checked_fields, parameter
-from himap.instrument.noise import noise_sigma
+from himap.instrument.noise import noise_maps
 from himap.maps import sphere
 from himap.measures.low_rank_spectra import masked_alms
 from himap.measures.spectra import decouple, frequency_power
@@ -116,8 +116,7 @@ def noise_by_hits(survey, hits, rng):
     """
     spread = np.zeros(len(hits))
     spread[hits > 0] = np.sqrt(hits[hits > 0].mean() / hits[hits > 0])
-    maps = rng.standard_normal((survey.n_channels, len(hits)), dtype=np.float32)
-    maps *= noise_sigma(survey)[:, None].astype(np.float32)
+    maps = noise_maps(survey, rng)
     maps *= spread.astype(np.float32)
     return maps
 
