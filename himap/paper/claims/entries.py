@@ -203,14 +203,14 @@ def judge_shares(shares):
     if all(outcome.values()):
         return REPRODUCED, ""
     others = [share for share in shares if share.holds is not True]
-    if True in by_method and False in outcome.values():
-        count = f"for {len(shares) - len(others)} of {len(shares)} parts"
-        return IN_PART, "; ".join([count, *_which(outcome, methods, {False: "not", None: "undecided"})])
-    if True in by_method or None in by_method or False not in outcome.values():
-        if False in outcome.values():
-            return UNDECIDED, "; ".join(_which(outcome, methods, {False: "not"}))
+    if False not in outcome.values():
         never_fails = all(share.mean + share.absent >= 1 - _ROUNDING for share in others)
         return UNDECIDED, "holds where its premise is present" if never_fails else ""
+    if True in by_method:
+        count = f"for {len(shares) - len(others)} of {len(shares)} parts"
+        return IN_PART, "; ".join([count, *_which(outcome, methods, {False: "not", None: "undecided"})])
+    if None in by_method:
+        return UNDECIDED, "; ".join(_which(outcome, methods, {False: "not"}))
     if not all(share.absent >= HOLDS - _ROUNDING for share in others):
         return FAILED, ""
     some = f" in {len(others)} of {len(shares)} parts" if len(others) < len(shares) else ""
