@@ -136,8 +136,8 @@ def legend_above_all(figure):
 def label_ends(axes):
     """Write the label of every line of `axes` at its right end, instead of a legend.
 
-    Labels that would overlap are moved apart, with a thin line from each to its curve. Lines with a label
-    that starts with "_" have none.
+    Labels that would overlap are moved apart, with a thin line from each to its curve. A leading "_", which
+    keeps a label out of the legend, is not written.
     """
     lines = sorted(axes.get_lines(), key=lambda line: line.get_ydata()[-1])
     to_axes = axes.transData + axes.transAxes.inverted()
