@@ -28,28 +28,22 @@ def test_reading_the_cell():
     assert known["folder"].kinds == {"str", "None"} and known["degrees"].default == [2, 10]
 
 
+GIVEN = {
+    "n_sources": {"4": 4, "4.0": 4},
+    "share": {"1": 1.0, "1e-3": 1e-3},
+    "masked": {"false": False, "False": False},
+    "degrees": {"[3, 4]": [3, 4], "(3, 4)": [3, 4]},
+    "options": {'{"a": {"b": null}}': {"a": {"b": None}}},
+    "folder": {"sky/maps": "sky/maps", "2025": "2025", '"2025"': "2025", "null": None},
+    "preset": {"ci": "ci"},
+    "beam": {"Oscillating": "oscillating", "Rippled:amplitude=1": "Rippled:amplitude=1"},
+    "n_max": {"null": None, "None": None},
+}
+"""{parameter: {text on the command line: value}}."""
+
+
 @pytest.mark.parametrize(
-    "name, text, value",
-    [
-        ("n_sources", "4", 4),
-        ("n_sources", "4.0", 4),
-        ("share", "1", 1.0),
-        ("share", "1e-3", 1e-3),
-        ("masked", "false", False),
-        ("masked", "False", False),
-        ("degrees", "[3, 4]", [3, 4]),
-        ("degrees", "(3, 4)", [3, 4]),
-        ("options", '{"a": {"b": null}}', {"a": {"b": None}}),
-        ("folder", "sky/maps", "sky/maps"),
-        ("folder", "2025", "2025"),
-        ("folder", '"2025"', "2025"),
-        ("folder", "null", None),
-        ("preset", "ci", "ci"),
-        ("beam", "Oscillating", "oscillating"),
-        ("beam", "Rippled:amplitude=1", "Rippled:amplitude=1"),
-        ("n_max", "null", None),
-        ("n_max", "None", None),
-    ],
+    "name, text, value", [(name, *pair) for name in GIVEN for pair in GIVEN[name].items()]
 )
 def test_values_from_the_command_line(name, text, value):
     checked = check_parameters(DECLARED, parse_texts(DECLARED, {name: text}))
