@@ -85,7 +85,7 @@ ENDS, NARROW = (
     [
         ("beam_subspace", np.ones((24, 12)), "FWHM of 0 deg at 950 MHz and 0 at", True),  # smooths nothing
         ("beam_subspace", np.ones((24, 9)), ENDS, True),  # foreground beyond is not seen through them
-        ("beam_subspace", np.ones((24, 12)), ENDS, False),
+        ("beam_subspace", np.ones((24, 12)), "The beams end", False),
         ("pca", np.full(24, 0.1), NARROW, True),  # as of widths in rad
         ("pca", np.full(24, 9.9), NARROW, False),
     ],
