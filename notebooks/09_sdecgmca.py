@@ -207,7 +207,8 @@ sources_figure(study, selected, medoid, most=4)
 channel_figure(study, selected, medoid)
 
 # %% [markdown]
-# With the degraded beam all restarts agree and $C/C_0$ is below 1. With the other two a restart may fail,
+# With the degraded beam these restarts agree and $C/C_0$ is below 1; with the real Galaxy at `laptop`
+# {glue:text}`15_claims.ipynb::claims_failing_degraded:s` fail. With the other two a restart may fail,
 # with foreground residual at many multipoles. Restarts that do not fail lose most at the lowest $\ell$ and
 # are near 1 above; the paper has an excess at the lowest $\ell$ with the oscillating beam.
 

@@ -167,6 +167,7 @@ quote(
     claims_m1_share=share("M1"),
     claims_failing=failing("oscillating"),
     claims_failing_evolving=failing("evolving"),
+    claims_failing_degraded=failing("degraded"),
 )
 
 # %% [markdown]
