@@ -535,3 +535,13 @@ def test_mocks_from_files(cube, rng, tmp_path, factor, n_seen):
     read = read_mocks(cube.within(seen), paths, tell=said.append)
     assert all(map(np.array_equal, read, [mock[:, seen] for mock in mocks]))
     assert any("mocks are HI and noise only" in one for one in said) == bool(factor)
+
+
+def test_a_mock_with_foreground_of_a_cube_with_gaps(cube, rng, tmp_path):
+    """Gaps, which are 0, are not compared with a sky far from 0."""
+    sky, said = cube.maps + 100 * cube.maps.std(), []
+    weights = (rng.random(sky.shape) > 0.2).astype(np.float32)
+    gaps = with_maps(cube, np.where(weights > 0, sky, 0).astype(np.float32), weights=weights)
+    path = write_hdf5(tmp_path / "mock.h5", 0.9 * sky)
+    assert gaps.missing.any() and list(read_mocks(gaps, [path], tell=said.append))
+    assert any("mocks are HI and noise only" in one for one in said)

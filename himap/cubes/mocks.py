@@ -48,7 +48,8 @@ def read_mocks(cube, paths, *, tell=None, **reading):
             tell(f"{path}: {remark}")
         check_truth(cube, mock, f"{path}: a mock")
         maps = mock.maps[:, cube.mask[mock.mask]]
-        if tell and (share := rms_of(maps) / rms_of(cube.maps)) > _BRIGHT:
+        share = rms_of(maps, cube.missing) / rms_of(cube.maps, cube.missing)
+        if tell and share > _BRIGHT:
             tell(f"{path} has {share:.2g} times the rms of the cube: mocks are HI and noise only.")
         yield maps
 
