@@ -471,7 +471,6 @@ def test_what_somebody_wrote_is_not_lost(folder, no_kernel, harm):
     elif harm == "other parameters":
         passed["parameters"] = {"mode": "a b" + "b" * 300}
     before = path.read_bytes()
-    before = path.read_bytes()
     with pytest.raises(InputError, match=f"{path.name} exists; .* give --overwrite"):
         reproduce.run("01", **passed)
     assert path.read_bytes() == before

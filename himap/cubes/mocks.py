@@ -42,14 +42,14 @@ def read_mocks(cube, paths, *, tell=None, **reading):
     InputError
         When a file is read: another nside, other channels, or missing pixels of the cube.
     """
+    rms = rms_of(cube.maps, cube.missing) if tell else None
     for path in paths:
         mock = read_truth(path, cube=cube, **reading)
         for remark in mock.remarks if tell else ():
             tell(f"{path}: {remark}")
         check_truth(cube, mock, f"{path}: a mock")
         maps = mock.maps[:, cube.mask[mock.mask]]
-        share = rms_of(maps, cube.missing) / rms_of(cube.maps, cube.missing)
-        if tell and share > _BRIGHT:
+        if tell and (share := rms_of(maps, cube.missing) / rms) > _BRIGHT:
             tell(f"{path} has {share:.2g} times the rms of the cube: mocks are HI and noise only.")
         yield maps
 
