@@ -3,6 +3,8 @@
 Methods are {beam: [method, ...]}; options are those of the method of `Study` that a figure uses.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from himap.figures import plotting, styles
@@ -45,6 +47,17 @@ def ensemble_style(style, *ensembles):
     """A style whose label has the numbers of members and of failures, for lists of `Comparison` by panel."""
     failed = [sum(one.fails for one in members) for members in ensembles]
     return styles.of_restarts(style, *failed, n=len(ensembles[0]))
+
+
+def median_of(members):
+    """Medians of the spectra of several `Comparison` at the same l and k, as one `Comparison`.
+
+    For figures with several ensembles whose bands would hide each other.
+    """
+    medians = {
+        name: np.median([getattr(one, name) for one in members], axis=0) for name in ("angular", "frequency")
+    }
+    return replace(members[0], **medians)
 
 
 def both_figure(study, beam, curves, **parameters):
