@@ -228,10 +228,10 @@ plotting.stamp(curves_figure(outcomes), made)
 # If these do not confirm the selection, the mean over all skies decides.
 #
 # The tables list this count, the departures and the failures for each stored ensemble; candidates share
-# starts and skies. Except for the default at `laptop`, M1 to M5 are from later runs of the same restarts, not
-# from those of the other statements. *First* is the share of resamples of the skies, drawn with replacement,
-# in which a candidate has the highest mean. It depends on which candidates are listed, and is not a
-# probability.
+# starts and skies. Except for the default at `laptop` and at the paper's size, M1 to M5 are from later runs
+# of the same restarts, not from those of the other statements. *First* is the share of resamples of the
+# skies, drawn with replacement, in which a candidate has the highest mean. It depends on which candidates are
+# listed, and is not a probability.
 #
 # **Result.** With {glue:text}`readings_starts` on each sky, the highest score on the skies of the selection
 # is that of {glue:text}`readings_selected`. On the other skies this candidate is number

@@ -70,14 +70,13 @@ others = other_records(ledgers[0][1], folder)
 # The table is for the real Galaxy at half the paper's size (`laptop`), and at the paper's with four times the
 # pixels and twice the channels. The second column has {glue:text}`paper_size_skies` skies with
 # {glue:text}`paper_size_restarts` restarts, only Table 1's number of sources (N1 to N5 do not apply), and an
-# HI box of 1024³ cells instead of 2048³. On the first of these skies M1 to M5 are from later runs of
-# the same restarts, not from those of the other claims, so their shares must not be combined. Galaxy and
-# noise are the same, and HI has the same Fourier modes if both boxes contain them. The third is one run of a
-# chaotic method in the earlier reading, so its parts on SDecGMCA may also differ by chance
-# ({doc}`27_restarts`); its verdicts are not counted. {doc}`15_claims` explains verdicts and signs. Main parts
-# that hold in less than 84 % of the members are listed with that share; the last column lists the methods
-# that fail and the records in which all those parts hold. F1 is reproduced at `laptop` but not with the
-# paper's box, since HI is brighter in finer cells ({doc}`00_the_answer`).
+# HI box of 1024³ cells instead of 2048³. Galaxy and noise are the same, and HI has the same Fourier modes if
+# both boxes contain them. The third is one run of a chaotic method in the earlier reading, so its parts on
+# SDecGMCA may also differ by chance ({doc}`27_restarts`); its verdicts are not counted. {doc}`15_claims`
+# explains verdicts and signs. Main parts that hold in less than 84 % of the members are listed with that
+# share; the last column lists the methods that fail and the records in which all those parts hold. F1 is
+# reproduced at `laptop` but not with the paper's box, since HI is brighter in finer cells
+# ({doc}`00_the_answer`).
 
 # %% tags=["hide-input"]
 Markdown("\n\n".join([verdicts_table(ledgers[:2]), ledgers_table(ledgers, others=others)]))

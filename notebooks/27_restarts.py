@@ -292,9 +292,7 @@ Table(
 # that fail, with the 2 sigma Wilson interval, for the readings of {doc}`16_readings` and the numbers of
 # sources of Table 1. Here the mean is at $10 < \ell < 200$ or up to the end of the maps. The members of the
 # default at `laptop` with the real Galaxy are those of the ledger and of the scan to 20 sources, on other
-# skies. The default and the letter differ only beyond the last $\ell$: their shares differ by chance. At the
-# paper's size the runs of the first sky with the oscillating beam were repeated: those in the first table are
-# the later ones, those in the second, with five sources, the earlier ones.
+# skies. The default and the letter differ only beyond the last $\ell$: their shares differ by chance.
 
 # %% tags=["hide-input"]
 RESTARTS = find_experiment("restarts")
