@@ -133,6 +133,20 @@ def test_draws_given_the_covariance_have_its_posterior(rng):
     assert np.ptp([one.cube() for one in both], axis=0).max() < 1e-4  # the sign of an axis is chance
 
 
+def test_what_is_uncertain_is_drawn_where_the_foreground_is_bright(rng):
+    """With its relative brightness, and as much in all as if it were the same everywhere."""
+    known, data, _ = certain(rng)
+    latitude = sphere.pixel_latitude(NSIDE)
+    data = replace(data, maps=data.maps * np.where(latitude > 0, 1, 0.2), known={})
+    added = known.draw(data, rng).foreground + -mean_of(known, data).foreground
+    parts = latitude > 10, latitude < -10  # away from the edge
+    north, south = (np.sqrt(np.mean(added.lines(part) ** 2)) for part in parts)
+    assert 3.5 < north / south < 5.5  # not exactly 5: white noise beyond 2 nside has errors of HEALPix
+    variances = np.array([1 / 2, 0.25 / 1.25])  # given the data
+    expected = np.sum(variances) * (3 * NSIDE) ** 2 / (4 * np.pi) / len(FREQS)
+    assert np.mean(added.cube() ** 2) == pytest.approx(expected, rel=0.1)
+
+
 def found_with(mixing):
     """A `Separation` with these spectra, (n_channels, n_sources)."""
     return Separation(mixing=mixing, sources=np.zeros((mixing.shape[1], 12 * NSIDE**2)))

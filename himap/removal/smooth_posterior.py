@@ -9,7 +9,6 @@ from scipy.stats import wishart
 from himap.core.errors import InputError
 from himap.core.progress import progress
 from himap.maps import sphere
-from himap.maps.low_rank import LowRankCube
 from himap.removal import harmonic
 from himap.removal.smooth_spectra import (
     FilteredSeparation,
@@ -24,13 +23,14 @@ from himap.removal.spectral_filter import (
     RANK,
     SpectralFilter,
     combined,
-    estimated,
+    filtered,
     on_sky,
 )
 
 N_SMOOTH = 6
 """Number of smooth functions of frequency: they represent any power law to the last digit of float32."""
 
+_PATCH = 3  # FWHM, deg, over which the brightness of the foreground is averaged
 _REACH = 2  # neighbouring bands on either side also used for the faint spectra of a band
 
 
@@ -102,7 +102,9 @@ class SmoothForeground:
         First a covariance is drawn, from its estimates for skies with this one. Then the foreground given
         data and covariances: the mean, a Wiener filter, has less power than the foreground, so W_l s_l is
         added, where s_l has the covariance of unit-variance sources given the data, (W_l^T C^-1 W_l + 1)^-1
-        (Wandelt, Larson & Lakshminarayanan 2004).
+        (Wandelt, Larson & Lakshminarayanan 2004). It is multiplied by the relative brightness of the mean: in
+        our Galaxy faint components are where the bright ones are, and methods with thresholds see the
+        difference.
         """
         totals = []
         for axes, n in zip(self.axes, self.n_modes, strict=True):
@@ -110,22 +112,33 @@ class SmoothForeground:
             # Lower triangular with a positive diagonal, root root^T = axes axes^T + 1, whatever their ratio.
             root = np.linalg.qr(np.vstack([axes.T, one]), mode="r").T
             root *= np.sign(np.diag(root))
-            drawn = np.atleast_2d(wishart(n, one / n).rvs(random_state=rng))
-            totals.append(root @ drawn @ root.T)
-        axes = _axes(self.roots, totals, self.n_modes, self.n_exact)
-        linear = replace(self, axes=axes)._filter(data)
-        spaces, mixing = np.linalg.qr(linear.spectra)
-        sources, beyond = estimated(mixing @ linear.estimators, data.project, data.modes)
-        pairs = list(zip(spaces, mixing, linear.uncertain, harmonic.blocks(sources), strict=True))
-        for space, mixed, uncertain, out in pairs[1:]:  # means are subtracted
-            # Draw in channels: axes of the space, and so draws along them, have arbitrary signs.
-            drawn = space.T @ rng.standard_normal((len(space), out.shape[1]))
-            out += _root(mixed @ uncertain @ mixed.T) @ drawn
-        low_rank = on_sky(combined(sources, spaces, FINE), sphere.nside_of(beyond))
-        low_rank += LowRankCube(spectra=spaces[-1], maps=beyond)
+            white = np.atleast_2d(wishart(n, one / n).rvs(random_state=rng))
+            totals.append(root @ white @ root.T)
+        drawn = replace(self, axes=_axes(self.roots, totals, self.n_modes, self.n_exact))
+        linear = drawn._filter(data)
+        mean = filtered(linear.spectra, linear.estimators, data.project, data.modes)
+        seen, nside = smooth_seen(data, N_SMOOTH), sphere.nside_of(mean.maps)
+        maps = harmonic.synthesise(drawn._uncertain(linear, rng), nside) * _brightness(mean)
+        modes = harmonic.to_modes(sphere.analyse(maps, len(seen) - 1))
+        modes[:, 0] = 0  # means are subtracted
+        low_rank = mean + on_sky(combined(modes, seen, FINE), nside)
         return FilteredSeparation(
             mixing=low_rank.spectra, sources=low_rank.maps, low_rank=low_rank, filter=linear, means=data.means
         )
+
+    def _uncertain(self, linear, rng):
+        """Draw what the data leave uncertain: modes of the smooth functions, (n_smooth, (lmax + 1)^2).
+
+        Drawn in these functions, as the axes of the covariance have arbitrary signs.
+        """
+        modes, uncertain = np.zeros((N_SMOOTH, len(linear.spectra) ** 2)), linear.uncertain
+        blocks = harmonic.blocks(modes)
+        bands = zip(multipole_bands(len(blocks) - 1), self.roots, self.axes, strict=True)
+        for band, root, axes in bands:
+            for degree in degrees_of(band):
+                covariance = root @ axes @ uncertain[degree] @ axes.T @ root.T
+                blocks[degree][:] = _root(covariance) @ rng.standard_normal(blocks[degree].shape)
+        return modes
 
     def _filter(self, data):
         """The Wiener filter that gives the mean of the foreground given the data, a `SpectralFilter`."""
@@ -273,6 +286,21 @@ def _axes(roots, totals, n_modes, n_exact):
         several.append(np.linalg.solve(root, last) * np.sqrt(np.clip(share, 0, 1)))
     n_axes = max(one.shape[1] for one in several)
     return [np.pad(one, ((0, 0), (0, n_axes - one.shape[1]))) for one in several]
+
+
+def _brightness(foreground):
+    """The rms over channels of a `LowRankCube` less its mean, (n_pix,), over that of the sky; 1 if it is 0.
+
+    Smoothed, as it would be 0 along lines on which the foreground equals its mean.
+    """
+    squares = np.sum((np.linalg.qr(foreground.spectra, mode="r") @ foreground.maps) ** 2, axis=0)
+    if not squares.any():
+        return np.ones_like(squares)
+    nside = sphere.nside_of(squares)
+    alm = sphere.analyse(squares)
+    beam = sphere.gaussian_beam(np.deg2rad(_PATCH), sphere.lmax_of_size(alm.shape[-1]))
+    squares = np.maximum(sphere.synthesise(sphere.multiply_beam(alm, beam), nside), 0)
+    return np.sqrt(squares / squares.mean())
 
 
 def _root(covariance):
