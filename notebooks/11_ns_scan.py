@@ -298,6 +298,7 @@ quote(
     scan_failed=each_of([np.count_nonzero(one > 1) for one in of_method], method),
     scan_tried=f"{len(scanned)}",
     scan_choices=captions.in_short(sdecgmca_for(selected, reading=reading), study.survey.nside)
+    + (f"; medians of {n_restarts} restarts, the legend has those that failed" if n_restarts > 1 else "")
     if stated
     else "There is no SDecGMCA in this run",
     scan_r_best=of_members([study.assessed(selected, one).correlation.mean() for one in at_best], 0.005),
@@ -330,7 +331,7 @@ study.stamped(plotting.lines(panels, size=(5, 3.6)), beam=selected, **stated)
 # $k_\nu$ and more at intermediate $\ell$.
 
 
-# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by SDecGMCA with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_choices` ([readings](sdecgmca-reading)). Medians of the restarts; the legend has those that failed. Grey band: 10 %; ratios are linear near 1, logarithmic beyond."}}
+# %% tags=["hide-input"] mystnb={"figure": {"name": "fig-ns-scan-spectra", "caption": "Frequency (left) and angular (right) power spectra recovered by SDecGMCA with several numbers of sources, and their ratios to the truth (the paper's Fig. 4). {glue:text}`scan_choices` ([readings](sdecgmca-reading)). Grey band: 10 %; ratios are linear near 1, logarithmic beyond."}}
 def called(n):
     """What the legend says of a number of sources."""
     members = comparisons[method][n]
