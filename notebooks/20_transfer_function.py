@@ -53,9 +53,9 @@
 # ({cite:t}`wandelt2004`). The mean of this posterior, a Wiener filter, has less power than the foreground,
 # especially if the foreground is no brighter than HI. The Gaussian field that is added to it is multiplied by
 # the relative brightness of the mean, averaged over 3°: the faint components of our Galaxy are in its plane,
-# too, and methods with thresholds, such as BeamSubspace, would lose more HI with an isotropic field of the
-# same power. Beyond $\ell = 2 n_\mathrm{side}$, where errors of HEALPix can be brighter than HI, $\hat f$
-# has the spectra of the last band below.
+# too, and what methods with thresholds lose, such as BeamSubspace, depends on where they are. Beyond
+# $\ell = 2 n_\mathrm{side}$, where errors of HEALPix can be brighter than HI, $\hat f$ has the spectra of
+# the last band below.
 #
 # **Which part of it remains?** $F$, a function of $\ell$ and $k_\nu$, is the expected power of the foreground
 # residual under the posterior above, with the spectra of the method held fixed. This residual is the part
