@@ -125,17 +125,10 @@ quote(
 # can change with the restart. Lines are medians over restarts, bands the 16 to 84 % range, and thin lines
 # single restarts; ratios are linear near 1 and logarithmic beyond if a figure says so.
 #
-# The figures and the ledger have the same starts of SDecGMCA, measured on different days. For the real Galaxy
-# {glue:text}`00_the_answer.ipynb::answer_figures_again:s` gave the same run again, the others another.
-# SDecGMCA recovers the angular power with the oscillating beam as in the paper (O3) in
-# {glue:text}`00_the_answer.ipynb::answer_figures_held:s` of the figures'
-# {glue:text}`00_the_answer.ipynb::answer_figures_restarts:s` restarts and in
-# {glue:text}`00_the_answer.ipynb::answer_large_held:s` of the ledger's members; less than 84 % is *undecided*. Of all
-# {glue:text}`00_the_answer.ipynb::answer_all_restarts:s` different runs
-# {glue:text}`00_the_answer.ipynb::answer_all_failed:s` fail, which would make V7
-# *{glue:text}`00_the_answer.ipynb::answer_all_robust:s`*. Fig. 5 shows the lines
-# of sight that the medoid flags; restarts differ in whether most lie in the Galactic plane (M1). All numbers
-# are in `book/results/paper_templates/figures.json` and `book/results/paper_synthetic/figures.json`.
+# For the real Galaxy the figures have the runs of the ledger's first sky, except for the scan. Fig. 5 shows
+# the lines of sight that the medoid flags; restarts differ in whether most lie in the Galactic plane (M1).
+# All numbers are in `book/results/paper_templates/figures.json` and
+# `book/results/paper_synthetic/figures.json`.
 
 # %% tags=["hide-input"]
 Markdown(pictures([real, synthetic], folder))

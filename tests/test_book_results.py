@@ -327,6 +327,28 @@ def test_ratios_to_the_truth_of_the_book():
             assert ratio == pytest.approx((power / true)[curves["HI + noise"][0] <= 200][-199:])
 
 
+@pytest.mark.parametrize(
+    ("figure", "panel", "case"),
+    [
+        ("fig-results-angular", "degraded, 3 components", "degraded"),
+        ("fig-results-angular", "evolving, 4 components", "evolving"),
+        ("fig-results-angular", "oscillating, 5 components", "oscillating"),
+        ("fig-dimmed-spectra", "across the sky", "dimmed"),
+    ],
+)
+def test_figures_at_the_papers_size_have_the_runs_of_the_ledger(figure, panel, case):
+    """The real Galaxy, its first sky: so says the chapter on this size."""
+    rows = Record.load(find_experiment("restarts"), RESULTS / "restarts_paper_default.json").rows
+    rows = rows[(rows["seed"] == rows["seed"].min()) & (rows["case"] == case)]
+    expected = rows[rows["quantity"] == "mean error"].sort_values("restart")["value"]
+    curves = stored_curves("paper_templates", figure)[panel]
+    degrees, true = curves["HI + noise"]
+    inside = (degrees > 10) & (degrees < 200)
+    powers = [power[inside] for name, (_, power) in curves.items() if ": restart " in name]
+    errors = [np.abs(power / true[inside] - 1).mean() for power in powers]
+    assert errors == pytest.approx(expected.to_list(), rel=0.05)
+
+
 def test_ratios_of_an_ensemble_are_its_median_and_its_band():
     """At those l that it has, of more of the truth; what is no method is not drawn."""
     degrees, name = np.arange(5, 202), "SDecGMCA, median of 4 (1 failed)"
