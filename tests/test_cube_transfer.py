@@ -317,12 +317,12 @@ class TestMeasured:
         said = remarks_on(both) + remarks_on_brightness(found)
         if n_sources == 2 or beams:
             assert len(said) == (n_sources == 1) and all("Most of the residual" in one for one in said)
-            assert all(abs(one.without - 1) < 3 * one.error for one in found.values())
-            assert n_sources == 1 or all(one.error < 0.1 for one in found.values())
+            assert ((found["no foreground"] - 1).abs() < 3 * found["error"]).all()
+            assert n_sources == 1 or (found["error"] < 0.1).all()
         else:
             assert "C(l), l 5-9: " in said[0] and "foreground residual" in said[0] and "k > 0.1" in said[1]
-            for one in found.values():
-                assert one.ratios[0] < 0.1 < 3 < one.ratios[-1] and one.without < 0.5
+            assert (found["faintest"] < 0.1).all() and (found["brightest"] > 3).all()
+            assert (found["no foreground"] < 0.5).all()
 
     def test_residual_in_parts_is_compared_with_mocks_and_with_the_corrected_power(self, cleaned, rng):
         """Twice the power of mocks in a part halves its ratio; half of foreground doubles all of them."""
@@ -333,12 +333,12 @@ class TestMeasured:
         factors = np.array([1, 1, 1, 1, 2])
         uneven = replace(transfer, powers=transfer.powers * factors[:, None])
         pairs = (transfer, none), (transfer, half), (uneven, none)
-        ratios = [by_brightness(cleaned, *pair).values() for pair in pairs]
-        for usual, doubled, fainter in zip(*ratios, strict=True):
-            assert usual.ratios.mean() == pytest.approx(1, abs=0.02)
-            assert doubled.ratios == pytest.approx(2 * usual.ratios)
-            assert np.ptp(fainter.ratios * factors / usual.ratios) < 1e-6
-            assert doubled.error > 0.4 > 2 * usual.error
+        found = [by_brightness(cleaned, *pair) for pair in pairs]
+        usual, doubled, fainter = (one.iloc[:, : len(factors)].to_numpy() for one in found)
+        assert usual.mean(axis=1) == pytest.approx(1, abs=0.02)
+        assert doubled == pytest.approx(2 * usual)
+        assert np.ptp(fainter * factors / usual, axis=1).max() < 1e-6
+        assert found[1]["error"].min() > 0.4 > 2 * found[0]["error"].max()
 
     @pytest.mark.parametrize(("noise", "said"), [(3, False), (1.5, True), (4.5, True)])
     def test_neighbouring_channels_tell_noise_that_is_not_that_of_the_mocks(self, cube, rng, noise, said):
@@ -350,8 +350,8 @@ class TestMeasured:
 
         cleaned = by_pca(with_maps(cube, smooth_sky(rng) + hi_and_noise(noise)))
         found = in_neighbours(measure_transfer(cleaned, [hi_and_noise(3) for _ in range(6)]))
-        assert [*found] == ["C(l), l 2-4", "C(l), l 5-9", "C(l), l 10-19", "C(l), l 20-39"]
-        last = found["C(l), l 20-39"]
+        assert [*found.index] == ["C(l), l 2-4", "C(l), l 5-9", "C(l), l 10-19", "C(l), l 20-39"]
+        last = found.loc["C(l), l 20-39"]
         assert 0.1 < last.mocks < 0.25 and (last.cube < last.mocks - last.error) == (noise > 3)
         remarks = remarks_on_neighbours(found)
         assert len(remarks) == said and all("l 20-39: 0." in one for one in remarks)

@@ -8,14 +8,18 @@ equally bright in all other parts is not detected.
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from himap.cubes.corrected import band_table, in_bands
 from himap.maps.low_rank import blocks
-from himap.measures.bootstrap import LEVEL, chance_of, sigma
+from himap.measures.bootstrap import LEVEL, of_others, significance
 from himap.measures.spectra import frequency_power
 
 N_PARTS = 5
 """Number of parts of the sky, with equal numbers of pixels."""
+
+COLUMNS = ["faintest", *map(str, range(2, N_PARTS)), "brightest", "no foreground", "error", "chance"]
+"""Of the result of `by_brightness`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,47 +58,33 @@ class Parts:
         return ratios @ np.linalg.pinv(design)[0]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Band:
-    """Residual power by foreground brightness in a band of k, relative to T times the corrected power.
-
-    Attributes
-    ----------
-    ratios
-        For each part, divided by the same ratio for the mocks.
-    without
-        Extrapolated to no foreground: 1 if the subtracted foreground residual is correct.
-    error
-        Of `without` - 1: extrapolation error from mocks compared with each other, error bar and systematic
-        error of the corrected power, in quadrature; NaN for a single mock.
-    chance
-        Probability of a deviation from 1 at least as large.
-    """
-
-    ratios: np.ndarray
-    without: float
-    error: float
-    chance: float
-
-
 def by_brightness(cleaned, transfer, corrected):
-    """{band of k: `Band`} for a `CleanedCube`, its `CubeTransfer`, and the result of `correct`."""
-    parts, n_mocks = transfer.parts, len(transfer.mocks)
-    own, power = parts.powers(cleaned.residual, cleaned.cube.channel_width)[:, 1:], {}
-    for name, (one, inside) in in_bands(corrected).items():
-        if one is not corrected["frequency"]:
+    """Residual power by foreground brightness in each band of k, relative to T times the corrected power.
+
+    For a `CleanedCube`, its `CubeTransfer`, and the result of `correct`.
+
+    Returns
+    -------
+    DataFrame
+        A row per band of k. Columns are `COLUMNS`: for each part, divided by the same ratio for the mocks;
+        "no foreground", extrapolated to none: 1 if the subtracted foreground residual is correct; "error" of
+        its difference from 1: extrapolation error from mocks compared with each other, error bar and
+        systematic error of the corrected power, in quadrature; "chance", the probability of a deviation at
+        least as large. The last two are NaN for a single mock.
+    """
+    parts, one, rows = transfer.parts, corrected["frequency"], []
+    own = parts.powers(cleaned.residual, cleaned.cube.channel_width)[:, 1:]
+    for name, (spectrum, inside) in in_bands(corrected).items():
+        if spectrum is not one:
             continue
         mocks, residual = transfer.powers[..., 1:][..., inside].mean(axis=-1), own[:, inside].mean(axis=-1)
         foreground, total = (np.mean(each[inside]) for each in (one.foreground, one.residual))
         ratios = _shape(residual) / _shape(mocks.mean(axis=0)) * total / (total - foreground)
-        without, error, chance = float(parts.without(ratios)), np.nan, np.nan
-        if n_mocks > 1:
-            others = (mocks.sum(axis=0) - mocks) / (n_mocks - 1)
-            line = sigma(parts.without(_shape(mocks) / _shape(others)) - 1)
-            error = float(np.linalg.norm([line, *one.errors_in(inside)[:2]]))
-            chance = float(chance_of(abs(without - 1) / error, n_mocks))
-        power[name] = Band(ratios=ratios, without=without, error=error, chance=chance)
-    return power
+        without = parts.without(ratios)
+        errors = parts.without(_shape(mocks) / _shape(of_others(mocks))) - 1
+        known = significance(without - 1, errors, *one.errors_in(inside)[:2])
+        rows.append([name, *ratios, without, *known.values()])
+    return pd.DataFrame(rows, columns=["band", *COLUMNS]).set_index("band")
 
 
 def _shape(powers):
@@ -105,24 +95,22 @@ def _shape(powers):
 def brightness_table(power):
     """A `Table` of the result of `by_brightness`."""
     rows = [
-        [name, *map("{:.4f}".format, [*one.ratios, one.without]), f"{one.error:.2%}", f"{one.chance:.2g}"]
-        for name, one in power.items()
+        [name, *map("{:.4f}".format, ratios), f"{error:.2%}", f"{chance:.2g}"]
+        for name, *ratios, error, chance in power.itertuples()
     ]
-    middle = [f"{n}" for n in range(2, N_PARTS)]
-    header = ["fifths of the sky", "faintest", *middle, "brightest", "no foreground", "error", "chance"]
     note = (
         "Residual power by foreground brightness, relative to T times the corrected power; extrapolated to "
         "no foreground, with the error of this and of the corrected power, and the probability of a "
         "deviation from 1 at least as large."
     )
-    return band_table(header, rows, note)
+    return band_table(["fifths of the sky", *COLUMNS], rows, note)
 
 
 def remarks_on_brightness(power):
     """Remarks on significant deviations, a list of sentences."""
-    unlike = [name for name, one in power.items() if one.chance * len(power) < LEVEL]
+    unlike = power.index[power["chance"] * len(power) < LEVEL]
     return [
         f"The corrected power differs from that of the residual extrapolated to no foreground in "
         f"{', '.join(unlike)}: the subtracted foreground residual is wrong, the beam differs, or the noise "
         "is not distributed as in the mocks."
-    ] * bool(unlike)
+    ] * bool(len(unlike))

@@ -28,6 +28,21 @@ def chance_of(n_sigma, n_mocks):
     return 2 * stats.t.sf(n_sigma * _student(n_mocks), n_mocks - 1)
 
 
+def of_others(values):
+    """The mean of the other mocks for each one, (n_mocks, ...); a single mock itself."""
+    return (values.sum(axis=0) - values) / (len(values) - 1) if len(values) > 1 else values
+
+
+def significance(difference, errors, *more):
+    """Error bar of a difference and the probability of one at least as large, {"error", "chance"}.
+
+    The bar is the `sigma` of errors of mocks, (n_mocks,), and `more` errors in quadrature. Both are NaN for a
+    single mock.
+    """
+    error = np.linalg.norm([sigma(errors), *more])
+    return {"error": error, "chance": chance_of(abs(difference) / error, len(errors))}
+
+
 def squared_pull(n_mocks):
     """Expected mean of (error / `sigma` of `n_mocks`)^2 for correct error bars; infinite for three or fewer.
 
