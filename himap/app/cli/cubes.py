@@ -120,15 +120,43 @@ def transfer(asked):
 
 def _cleaned(asked):
     """A `CleanedCube`, and the function that writes its page, and spectra, to paths."""
-    from himap.cubes import corrected as texts
     from himap.cubes import scatter
-    from himap.cubes.brightness import brightness_table, by_brightness, remarks_on_brightness
-    from himap.cubes.cleaning import clean_cube, method_for
-    from himap.cubes.files import read_truth
-    from himap.cubes.neighbours import in_neighbours, neighbours_table, remarks_on_neighbours
+    from himap.cubes.cleaning import clean_cube
+    from himap.cubes.corrected import write_spectra
     from himap.cubes.report import cylindrical_part, write_report
-    from himap.cubes.spectra import check_truth, compared, remarks_on_truth, spectra_of
-    from himap.cubes.transfer import measure_transfer
+    from himap.cubes.spectra import compared, remarks_on_truth, spectra_of
+
+    remover, cube, beams, true = _checked_input(asked)
+    mocks = _mocks(cube, beams, asked)
+    options = {"beams": beams, "peaks": asked.peaks, "restarts": asked.restarts}
+    cleaned, more, corrected, scattered = clean_cube(cube, remover, **options), [], None, None
+    comparison = None if true is None else compared(cleaned, true)
+    if comparison is not None:
+        tell(asked, *remarks_on_truth(comparison))
+    spectra = None if true is not None and mocks is None else spectra_of(cleaned)
+    if mocks is not None:
+        corrected, more = _corrected(asked, cleaned, mocks, beams, spectra, comparison)
+    if cleaned.ensemble is not None:
+        scattered = scatter.scatter_of(cleaned)
+        more = [*scatter.scatter_parts(scattered), *more]
+        asked.tables.append(scatter.scatter_table(scattered))
+    if asked.patches and cube.layout.pixels.whole_sky:  # always on the page of an image
+        more = [*more, cylindrical_part(cleaned, true)]
+    shown = spectra if comparison is None else comparison
+
+    def write_pages(page, table=None):
+        write_report(cleaned, page, truth=true, spectra=shown, more=more, said=asked.said)
+        if corrected is not None:
+            write_spectra(corrected, table, scattered)
+
+    return cleaned, write_pages
+
+
+def _checked_input(asked):
+    """The method, the cube, its beams and the truth, None if not given, checked before the work."""
+    from himap.cubes.cleaning import method_for
+    from himap.cubes.files import read_truth
+    from himap.cubes.spectra import check_truth
     from himap.cubes.writing import check_columns
     from himap.removal import create
     from himap.removal.restarts import checked_restarts
@@ -144,47 +172,33 @@ def _cleaned(asked):
             f"{remover.name} removes {remover.n_sources} sources by default (-p n_sources=); "
             "`himap suggest` recommends a number.",
         )
-    cube = _with_frames(asked, cube)
-    true = None if asked.truth is None else read_truth(asked.truth, cube=cube, **asked.reading)
-    if true is not None:
+    cube, true = _with_frames(asked, cube), None
+    if asked.truth is not None:
+        true = read_truth(asked.truth, cube=cube, **asked.reading)
         tell(asked, *(f"The truth: {remark}" for remark in true.remarks))
-        check_truth(cube, true)  # before the work
-    mocks = _mocks(cube, beams, asked)
-    options = {"beams": beams, "peaks": asked.peaks, "restarts": asked.restarts}
-    cleaned, more, corrected = clean_cube(cube, remover, **options), [], None
-    comparison = None if true is None else compared(cleaned, true)
-    if comparison is not None:
-        tell(asked, *remarks_on_truth(comparison))
-    spectra = None if true is not None and mocks is None else spectra_of(cleaned)
-    if mocks is not None:
-        measured = measure_transfer(cleaned, mocks, beams=beams)
-        corrected = texts.correct(cleaned, measured, spectra, comparison)
-        if not measured.drawn:
-            tell(
-                asked,
-                f"The mocks have the foreground estimated by {remover.name}, and foreground residual is "
-                "unknown: its estimate needs a full sky without gaps, --beam and more than six channels.",
-            )
-        in_parts, common = by_brightness(cleaned, measured, corrected), in_neighbours(measured)
-        checks = [brightness_table(in_parts), neighbours_table(common)]
-        more = [*texts.corrected_parts(corrected), *checks]
-        asked.tables += [texts.corrected_table(corrected), *checks]
-        remarks = [*remarks_on_brightness(in_parts), *remarks_on_neighbours(common)]
-        tell(asked, *texts.remarks_on(corrected), *remarks)
-    scattered = None if cleaned.ensemble is None else scatter.scatter_of(cleaned)
-    if scattered is not None:
-        more = [*scatter.scatter_parts(scattered), *more]
-        asked.tables.append(scatter.scatter_table(scattered))
-    if asked.patches and cube.layout.pixels.whole_sky:  # always on the page of an image
-        more = [*more, cylindrical_part(cleaned, true)]
-    shown = spectra if comparison is None else comparison
+        check_truth(cube, true)
+    return remover, cube, beams, true
 
-    def write_pages(page, table=None):
-        write_report(cleaned, page, truth=true, spectra=shown, more=more, said=asked.said)
-        if corrected is not None:
-            texts.write_spectra(corrected, table, scattered)
 
-    return cleaned, write_pages
+def _corrected(asked, cleaned, mocks, beams, spectra, comparison):
+    """The result of `correct` for a `CleanedCube`, and its parts of the page; tells tables and remarks."""
+    from himap.cubes import brightness, corrected, neighbours
+    from himap.cubes.transfer import measure_transfer
+
+    transfer = measure_transfer(cleaned, mocks, beams=beams)
+    both = corrected.correct(cleaned, transfer, spectra, comparison)
+    in_parts, common = brightness.by_brightness(cleaned, transfer, both), neighbours.in_neighbours(transfer)
+    checks = [brightness.brightness_table(in_parts), neighbours.neighbours_table(common)]
+    asked.tables += [corrected.corrected_table(both), *checks]
+    if not transfer.drawn:
+        tell(
+            asked,
+            f"The mocks have the foreground estimated by {cleaned.method.name}, and foreground residual is "
+            "unknown: its estimate needs a full sky without gaps, --beam and more than six channels.",
+        )
+    tell(asked, *corrected.remarks_on(both))
+    tell(asked, *brightness.remarks_on_brightness(in_parts), *neighbours.remarks_on_neighbours(common))
+    return both, [*corrected.corrected_parts(both), *checks]
 
 
 def _with_frames(asked, cube):
