@@ -203,6 +203,23 @@ def test_a_set_is_there_or_not_wherever_it_is_killed(tmp_path, monkeypatch, befo
         check_free(paths, overwrite=False)
 
 
+def test_a_set_that_two_processes_complete_at_once_is_not_lost(tmp_path, ended, monkeypatch):
+    left = folder(tmp_path, ended, prefix=".himap")
+    for name in "ab":
+        (left / name).write_text(name)
+    (left / ".whole").write_text('["a", "b"]')
+    rename = os.replace
+
+    def rename_after_the_other(file, target):
+        if file.name == "a":
+            rename(file, target)
+        rename(file, target)
+
+    monkeypatch.setattr(os, "replace", rename_after_the_other)
+    assert complete_abandoned(tmp_path) == {tmp_path / "a", tmp_path / "b"}
+    assert sorted(os.listdir(tmp_path)) == ["a", "b"]
+
+
 def test_what_is_being_written_is_left_alone(tmp_path):
     with atomic_files(tmp_path / "a") as (first,):
         first.write_text("1")

@@ -190,7 +190,9 @@ def complete_abandoned(home):
         with suppress(OSError, ValueError):
             names = json.loads((folder / _LIST).read_text(encoding="utf-8"))
             files = [folder / Path(name).name for name in names]
-            _move([file for file in files if file.exists()])
+            for file in files:
+                with suppress(FileNotFoundError):  # renamed before, or by another process at the same time
+                    _move([file])
             completed |= {home / file.name for file in files}
         shutil.rmtree(folder, ignore_errors=True)
     return completed
