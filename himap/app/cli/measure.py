@@ -4,6 +4,7 @@ import shutil
 import textwrap
 import time
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 
 import click
@@ -92,20 +93,7 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
         return asdict(made) | files | {"code": code}
 
     if check is not None:
-        record.check_parameters(about(started))
-        if _single_draws(record.rows, chosen).all():  # before the work
-            raise InputError(f"{path} has only single runs of chaotic methods: measure all of it again.")
-        known = record.rows[record.rows["seed"] == skies[0].survey.seed]
-        if experiment.other_restarts and experiment.other_restarts(skies[0], {*known["restart"]}):
-            n = known["restart"].nunique()
-            raise InputError(f"{path} has {n} restarts of that sky: give n_restarts={n} or fewer.")
-        rows = experiment.table(skies[:1])
-        drawn = _single_draws(rows, chosen)
-        record = Record.load(experiment, path)  # may have grown meanwhile
-        record.check(rows, about(started), drawn=drawn).save(path)
-        n, more = drawn.sum(), "of single runs of a chaotic method are not compared"
-        said = f"{len(rows) - n} rows of one sky are the same with today's code"
-        click.echo(f"{path}: {said}{f'; {n} {more}' if n else ''}.")
+        click.echo(_checked(record, path, skies[0], chosen, partial(about, started)))
         return
     if record is None:
         rows = experiment.table(skies)
@@ -123,6 +111,28 @@ def measure(name, *, pairs, preset, output, overwrite, check, grow):
             record.save(path)  # immediately: no sky is lost
     click.echo(_table(experiment.summary(record.rows), experiment.remark(skies[0])))
     click.echo(f"{path}  ({time.monotonic() - started:.0f} s)")
+
+
+def _checked(record, path, sky, chosen, about):
+    """Measure a sky of a record again, mark the record in its file as checked, and return what to print.
+
+    `about()` is the provenance of what is measured now, with the parameters `chosen`.
+    """
+    experiment = record.experiment
+    record.check_parameters(about())
+    if _single_draws(record.rows, chosen).all():  # before the work
+        raise InputError(f"{path} has only single runs of chaotic methods: measure all of it again.")
+    known = record.rows[record.rows["seed"] == sky.survey.seed]
+    if experiment.other_restarts and experiment.other_restarts(sky, {*known["restart"]}):
+        n = known["restart"].nunique()
+        raise InputError(f"{path} has {n} restarts of that sky: give n_restarts={n} or fewer.")
+    rows = experiment.table([sky])
+    drawn = _single_draws(rows, chosen)
+    record = type(record).load(experiment, path)  # may have grown meanwhile
+    record.check(rows, about(), drawn=drawn).save(path)
+    n, more = drawn.sum(), "of single runs of a chaotic method are not compared"
+    said = f"{len(rows) - n} rows of one sky are the same with today's code"
+    return f"{path}: {said}{f'; {n} {more}' if n else ''}."
 
 
 def _table(summary, note):
