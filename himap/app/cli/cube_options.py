@@ -44,13 +44,18 @@ def _show_for_files(context, parameter, asked):
         context.exit()
 
 
+def _named_beams():
+    from himap.instrument.beams import available
+
+    return [name for name in available() if name != "file"]  # given by the path itself
+
+
 COMMON = (
     option(
         "--beam",
         cls=NamesOption,
-        package="himap.instrument.beams",
+        names=_named_beams,
         more="; NAME:PARAMETER=VALUE; a FILE",
-        less=("file",),
         metavar="NAME",
     ),
     option("--dish", metavar="M", type=float, help="Diameter behind a named beam; default 13.5 m."),

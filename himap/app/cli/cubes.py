@@ -17,10 +17,9 @@ from himap.app.cli.cube_options import (
     tell,
     write_and_say,
 )
-from himap.app.cli.shared import NamesOption
+from himap.app.cli.shared import NamesOption, methods
 from himap.core.errors import InputError
 
-_WITHOUT_SOURCES = ("gaussian_process", "gnilc", "parametric", "polynomial")
 _COARSE = 0.5  # FWHM in pixels, below which maps hardly show a beam
 _GROWS = 1.01  # FWHM at the highest relative to the lowest frequency: beams of telescopes do not increase
 
@@ -241,11 +240,17 @@ def _mocks(cube, beams, asked):
     return read_mocks(cube, words, tell=functools.partial(tell, asked), **asked.reading)
 
 
+def _methods_with_sources():
+    from himap.removal.base import REGISTRY
+
+    return [name for name in methods() if "n_sources" in REGISTRY[name].__dataclass_fields__]
+
+
 @cube_command(
     option(
         "--method",
         cls=NamesOption,
-        less=_WITHOUT_SOURCES,
+        names=_methods_with_sources,
         default="pca",
         show_default=True,
         metavar="NAME",

@@ -57,19 +57,23 @@ def completed_by(names):
     return {"shell_complete": complete}
 
 
+def methods():
+    """Names of the methods of foreground removal."""
+    return import_module("himap.removal").available()
+
+
 PRESET = completed_by(lambda: PRESETS) | {"metavar": "NAME", "type": str.lower}
 NOTEBOOK = completed_by(lambda: [notebook.name for notebook in notebooks()])
-METHOD = completed_by(lambda: import_module("himap.removal").available())
+METHOD = completed_by(methods)
 EXPERIMENT = completed_by(lambda: import_module("himap.paper.experiments").EXPERIMENTS)
 
 
 class NamesOption(click.Option):
-    """An option for the content of a package, listed only for its help or shell completion."""
+    """An option for one of ``names()``, which are listed only for its help or shell completion."""
 
-    def __init__(self, *arguments, package="himap.removal", more="", less=(), **options):
-        self._names = lambda: [name for name in import_module(package).available() if name not in less]
-        self._more = more
-        super().__init__(*arguments, **options, **completed_by(self._names))
+    def __init__(self, *arguments, names=methods, more="", **options):
+        self._names, self._more = names, more
+        super().__init__(*arguments, **options, **completed_by(names))
 
     def get_help_record(self, context):
         self.help = f"{', '.join(self._names())}{self._more}."
