@@ -524,6 +524,13 @@ class TestCommands:
         page = Path("c.html").read_text()
         assert "Corrected spectra" in page and "fifths of the sky" in page
 
+    def test_mocks_are_checked_before_the_cube_is_cleaned(self, here, rng, monkeypatch):
+        monkeypatch.setattr("himap.cubes.cleaning.clean_cube", None)
+        write_hdf5("mock1.h5", np.where(np.arange(N_PIX) < 10, np.nan, blue(rng)), WIDE)
+        words = ("--method", "pca", "--mocks", "mock0.h5", "--mocks", "mock1.h5", "-o", "c.h5")
+        result = run("clean", "cube.h5", *words, code=2)
+        assert "mock1.h5: a mock must cover all pixels of the cube" in result.output
+
 
 @pytest.mark.parametrize("factor", [0, 0.9])
 @pytest.mark.parametrize("n_seen", [N_PIX, 2000])

@@ -171,7 +171,10 @@ def _checked_input(asked):
             f"{remover.name} removes {remover.n_sources} sources by default (-p n_sources=); "
             "`himap suggest` recommends a number.",
         )
-    cube, true = _with_frames(asked, cube), None
+    _check_mocks(asked, cube)
+    true, given = None, [asked.truth] * (asked.truth is not None)
+    for path in (*given, *(word for word in asked.mocks if not _is_number(word))):
+        cube = _in_frames_of(asked, cube, path)
     if asked.truth is not None:
         true = read_truth(asked.truth, cube=cube, **asked.reading)
         tell(asked, *(f"The truth: {remark}" for remark in true.remarks))
@@ -200,17 +203,18 @@ def _corrected(asked, cleaned, mocks, beams, spectra, comparison):
     return both, [*corrected.corrected_parts(both), *checks]
 
 
-def _with_frames(asked, cube):
-    """The cube, with missing frames adopted from its truth or mocks; contradictions are refused."""
+def _in_frames_of(asked, cube, path):
+    """The cube, with missing frames adopted from its truth or a mock; what does not match is refused."""
     from himap.cubes.files import read_truth
+    from himap.cubes.spectra import check_truth
 
-    given = [asked.truth] * (asked.truth is not None)
-    for path in (*given, *(word for word in asked.mocks if not _is_number(word))):
-        layout = read_truth(path, cube=cube, **asked.reading).layout
-        frame = layout.pixels.frame or cube.layout.pixels.frame  # what has none says so when it is read
-        joined = cube.layout.joined(path, frame, layout.spectral_frame)
-        tell(asked, *joined.remarks[len(cube.remarks) :])
-        cube = replace(cube, layout=joined)
+    other = read_truth(path, cube=cube, **asked.reading)
+    frame = other.layout.pixels.frame or cube.layout.pixels.frame  # what has none says so when it is read
+    joined = cube.layout.joined(path, frame, other.layout.spectral_frame)
+    tell(asked, *joined.remarks[len(cube.remarks) :])
+    cube = replace(cube, layout=joined)
+    if path != asked.truth:  # which is checked once its remarks are printed
+        check_truth(cube, other, f"{path}: a mock")
     return cube
 
 
@@ -219,25 +223,30 @@ def _is_number(word):
     return word.lstrip("-").isdecimal()
 
 
-def _mocks(cube, beams, asked):
-    """Yield the maps of mocks as given by the option, a number or files; None if it is empty."""
-    from himap.cubes.mocks import draw_mocks, read_mocks
-
+def _check_mocks(asked, cube):
+    """Refuse mocks for an image in the plane, and options for mocks that contradict each other."""
     words, noise = asked.mocks, asked.mock_noise
     numbers = [*filter(_is_number, words)]
     if (not words and noise is not None) or (numbers and len(words) > 1):
         raise InputError("--mocks is one number, or a file per mock; --mock-noise applies to a number.")
+    if words:
+        _ = cube.nside
+    if noise is not None and not numbers:
+        raise InputError("--mock-noise applies to generated mocks; those from files include noise.")
+
+
+def _mocks(cube, beams, asked):
+    """Yield the maps of mocks as given by the option, a number or files; None if it is empty."""
+    from himap.cubes.mocks import draw_mocks, read_mocks
+
+    words, noise, said = asked.mocks, asked.mock_noise, functools.partial(tell, asked)
     if not words:
         return None
-    _ = cube.nside  # refuses images in the plane
-    if numbers:
-        if noise is None:
-            tell(asked, "The mocks have no noise: without --mock-noise, noise of CUBE counts as foreground.")
-        said = functools.partial(tell, asked)
-        return draw_mocks(cube, beams, int(numbers[0]), noise=noise, tell=said)
-    if noise is not None:
-        raise InputError("--mock-noise applies to generated mocks; those from files include noise.")
-    return read_mocks(cube, words, tell=functools.partial(tell, asked), **asked.reading)
+    if not _is_number(words[0]):
+        return read_mocks(cube, words, tell=said, **asked.reading)
+    if noise is None:
+        tell(asked, "The mocks have no noise: without --mock-noise, noise of CUBE counts as foreground.")
+    return draw_mocks(cube, beams, int(words[0]), noise=noise, tell=said)
 
 
 def _methods_with_sources():
