@@ -220,6 +220,17 @@ def test_a_set_that_two_processes_complete_at_once_is_not_lost(tmp_path, ended, 
     assert sorted(os.listdir(tmp_path)) == ["a", "b"]
 
 
+def test_complete_files_are_kept_if_something_is_in_their_place(tmp_path, ended):
+    left = folder(tmp_path, ended, prefix=".himap")
+    (left / "a").write_text("mine")
+    (left / ".whole").write_text('["a"]')
+    (tmp_path / "a").mkdir()
+    assert complete_abandoned(tmp_path) == set() and (left / "a").read_text() == "mine"
+    (tmp_path / "a").rmdir()
+    assert complete_abandoned(tmp_path) == {tmp_path / "a"} and (tmp_path / "a").read_text() == "mine"
+    assert not left.exists()
+
+
 def test_what_is_being_written_is_left_alone(tmp_path):
     with atomic_files(tmp_path / "a") as (first,):
         first.write_text("1")

@@ -187,14 +187,17 @@ def complete_abandoned(home):
     """Complete or remove unfinished work of ended processes in a folder; return the completed paths."""
     completed = set()
     for folder in filter(is_abandoned, home.glob(f"{_OUTPUT}-*")):
-        with suppress(OSError, ValueError):
+        try:
             names = json.loads((folder / _LIST).read_text(encoding="utf-8"))
-            files = [folder / Path(name).name for name in names]
+        except (OSError, ValueError):
+            names = []  # not all files were written
+        files = [folder / Path(name).name for name in names]
+        with suppress(OSError):  # something is in the way of a complete file, which is kept
             for file in files:
                 with suppress(FileNotFoundError):  # renamed before, or by another process at the same time
                     _move([file])
             completed |= {home / file.name for file in files}
-        shutil.rmtree(folder, ignore_errors=True)
+            shutil.rmtree(folder, ignore_errors=True)
     return completed
 
 
