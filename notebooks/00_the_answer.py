@@ -249,9 +249,9 @@ claims_of(3)
 # members; the paper: 5 %). At the paper's size it is within 5 % in {glue:text}`answer_large_held` of the
 # ledger's members (O3 is *{glue:text}`answer_large_verdict`*). Of these {glue:text}`answer_large_members`
 # members {glue:text}`answer_large_failed` fail with one of the three beams (V7, which states that SDecGMCA is
-# robust, is *{glue:text}`answer_large_robust`*); the first figure has those of one sky
-# ({doc}`18_paper_size`). O3 is judged by the ratio of the means over channels. With the mean of the ratios of
-# single channels, or in the middle channel, it does not hold in the one run that was compared
+# robust and is judged beam by beam, is *{glue:text}`answer_large_robust`*); the first figure has those of one
+# sky ({doc}`18_paper_size`). O3 is judged by the ratio of the means over channels. With the mean of the
+# ratios of single channels, or in the middle channel, it does not hold in the one run that was compared
 # ({ref}`other-choices`).
 #
 # PCA, which does not use the beam, needs more components: one more at `quick` and more than one at `laptop`
