@@ -48,7 +48,7 @@ DEFINED = {
     "notebooks/17_your_own_cube.py": "100 MHz, 10 %, 1 %",
     "notebooks/18_paper_size.py": "1 MHz, four times, 84 %",
     "notebooks/19_scale.py": "1 MHz, 0.93, 0.85, factor of 8.4, factor of 9.2, 215 s, 18 s",
-    "notebooks/20_transfer_function.py": "10 %, 30 %, 3 %, 1 %, 68 %, 95 %",
+    "notebooks/20_transfer_function.py": "3°, 10 %, 30 %, 3 %, 1 %, 68 %, 95 %",
     "notebooks/21_beam_errors.py": "10 K, 0.1 mK, 0.14 %, 0.7 %, 1 %, 0.1 %",
     "notebooks/22_how_many.py": "10 %, 3 %, factor of 3, ten times",
     "notebooks/23_thresholds.py": "10 %, 1 %",
