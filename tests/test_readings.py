@@ -227,6 +227,7 @@ class TestDefault:
     def test_a_reading_that_is_missing_on_a_sky_is_not_compared(self):
         first = shares_first(pd.DataFrame({"code": [1.0, 1.0], "letter": [math.nan, 2.0]}))
         assert first["code"] == 1 and math.isnan(first["letter"])
+        assert shares_first(pd.DataFrame({"code": [1.0, math.nan], "letter": [math.nan, 2.0]})).isna().all()
 
     def test_a_record_of_restarts_is_judged_by_what_it_has_of_the_oscillating_beam(self):
         held = {"code": (True, False), "letter, beyond = projection": (True, True)}

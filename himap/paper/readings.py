@@ -209,6 +209,8 @@ def shares_first(counts):
     """
     weights = np.random.default_rng(0).multinomial(len(counts), np.full(len(counts), 1 / len(counts)), 2000)
     known = counts.dropna(axis=1)
+    if known.empty:
+        return pd.Series(np.nan, counts.columns)
     means = weights @ known.to_numpy()
     first = np.isclose(means, means.max(axis=1, keepdims=True))
     shares = (first / first.sum(axis=1, keepdims=True)).mean(axis=0)
