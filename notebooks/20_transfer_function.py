@@ -503,11 +503,12 @@ show_table(rows, columns=4)
 #   from each member.
 # - **The subtracted power is quoted as a systematic error**, as it depends on these assumptions, and added in
 #   quadrature. That is too cautious for most methods here, especially for GMCA and for BeamSubspace with
-#   three sources on the real Galaxy; for BeamSubspace with four sources there it is not enough.
-# - **A source in which HI is as bright as the foreground is not corrected well.** On the real Galaxy the
-#   corrected power of BeamSubspace with four sources is too low at the lowest $k_\nu$ and too high at the
-#   lowest $\ell$, and its error bars are too small. On the synthetic Galaxy no deviation of its means is
-#   clear. A possible reason is that the estimated foreground is a Gaussian field, unlike the Galaxy. With
+#   three sources on the real Galaxy.
+# - **A source in which HI is as bright as the foreground is corrected less well.** What BeamSubspace with
+#   four sources loses on the real Galaxy depends on where the uncertain part of $\hat f$ is: as an isotropic
+#   field, it gave error bars that are much too small. Drawn where the foreground is bright, it still leaves
+#   the mean corrected power too low at the lowest $k_\nu$ and too high at the lowest $\ell$, but by less than
+#   an error bar; the reason is not known. On the synthetic Galaxy no deviation of its means is clear. With
 #   three sources the means at the lowest $\ell$ and $k_\nu$ are off by less than an error bar; at `ci` they
 #   are nevertheless too high at the lowest $k_\nu$ by more than chance explains.
 # - **In the `.csv` of the commands** `sigma` and `sample` are relative, `systematic` (the subtracted power)
